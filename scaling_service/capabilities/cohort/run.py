@@ -49,12 +49,46 @@ def write_reasons(
     found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
 ) -> list[str]:
     """What the headline rests on, and what it does not say; ``groups``: the labels of each subject."""
+    told: list[str] = []
+    for said, entry in _list_compared_errors(found):
+        ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
+        told.append(f"{ranked} {_describe_test(entry)}")
+    # The errors of the first role in each group of each label
+    for said, entry in islice(_list_compared_errors(found), 1):
+        for label in sorted({label for given in groups.values() for label in given}):
+            members: dict[str, list[abc.Mapping[str, float]]] = {}
+            for subject in entry.compared.subjects:
+                group = groups[subject].get(label) or "not given"
+                members.setdefault(group, []).append(entry.values[subject])
+            if len(members) > 1:
+                means = {
+                    group: {method: sum(one[method] for one in of) / len(of) for method in of[0]}
+                    for group, of in members.items()
+                }
+                ranks = "; ".join(
+                    f"{group} ({len(of)}): {_rank(means[group])}" for group, of in members.items()
+                )
+                how = "Groups are described, not tested"
+                told.append(f"By {label}, kinematic error {said}, mm: {ranks}. {how}.")
+    lengths = [
+        (spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None
+    ]
+    differ = dict.fromkeys(name for name, test in lengths if test.significant)
+    told.extend(_tell_differences(len(lengths), ", ".join(differ), "segment length", ""))
+    # Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects
+    for reference, whose in ((IMAGED, "the image"), (TRUTH, "the truth")):
+        squares: dict[str, list[float]] = {}
+        for item in found.agreement:
+            if item.reference == reference and "." not in item.quantity:
+                squares.setdefault(item.method, []).append(item.rmse_mm**2)
+        if squares:
+            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
+            told.append(f"Lengths against {whose}, RMS in mm, nearest first: {_rank(rms)}.")
+    angles = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
+    moving = dict.fromkeys(name for name, test in angles if test.significant)
+    told.extend(_tell_differences(len(angles), "; ".join(moving), "joint angle", " in the gait cycle"))
     return [
-        *_describe_errors(found),
-        *_describe_groups(found, groups),
-        *_describe_lengths(found),
-        *_describe_nearest(found),
-        *_describe_angles(found),
+        *told,
         "A small error alone is no proof of a right model: look at the agreement with images, too.",
     ]
 
@@ -73,63 +107,11 @@ def _rank(values: abc.Mapping[str, float]) -> str:
     return ", ".join(f"{name} {values[name]:.1f}" for name in sorted(values, key=values.__getitem__))
 
 
-def _describe_errors(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    for said, entry in _list_compared_errors(found):
-        ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
-        yield f"{ranked} {_describe_test(entry)}"
-
-
-def _describe_groups(
-    found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
-) -> abc.Iterator[str]:
-    """The errors of the first role in each group of each label."""
-    for said, entry in islice(_list_compared_errors(found), 1):
-        for label in sorted({label for given in groups.values() for label in given}):
-            members: dict[str, list[abc.Mapping[str, float]]] = {}
-            for subject in entry.compared.subjects:
-                members.setdefault(groups[subject].get(label) or "not given", []).append(
-                    entry.values[subject]
-                )
-            if len(members) > 1:
-                means = {
-                    group: {method: sum(one[method] for one in of) / len(of) for method in of[0]}
-                    for group, of in members.items()
-                }
-                ranks = "; ".join(
-                    f"{group} ({len(of)}): {_rank(means[group])}" for group, of in members.items()
-                )
-                yield f"By {label}, kinematic error {said}, mm: {ranks}. Groups are described, not tested."
-
-
 def _describe_test(entry: documents.QuantityEntry) -> str:
     if entry.friedman is None:
         return f"Not tested: {entry.note}."
     said = "The methods differ" if entry.friedman.significant else "No difference between methods is found"
     return f"{said} (Friedman p {format_p(entry.friedman.p)})."
-
-
-def _describe_lengths(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    tests = [(spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    yield from _tell_differences(len(tests), ", ".join(differ), "segment length", "")
-
-
-def _describe_nearest(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    """Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects."""
-    for reference, said in ((IMAGED, "the image"), (TRUTH, "the truth")):
-        squares: dict[str, list[float]] = {}
-        for item in found.agreement:
-            if item.reference == reference and "." not in item.quantity:
-                squares.setdefault(item.method, []).append(item.rmse_mm**2)
-        if squares:
-            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
-            yield f"Lengths against {said}, RMS in mm, nearest first: {_rank(rms)}."
-
-
-def _describe_angles(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    tests = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    yield from _tell_differences(len(tests), "; ".join(differ), "joint angle", " in the gait cycle")
 
 
 def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> abc.Iterator[str]:

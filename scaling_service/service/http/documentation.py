@@ -144,28 +144,28 @@ def render(document: abc.Mapping[str, Any], server: str) -> str:
 
 def describe(document: abc.Mapping[str, Any], server: str) -> str:
     """Describe every route of an OpenAPI document in Markdown, each with a command that can be pasted."""
+    routes: list[str] = []
+    for tag, title in _TITLES.items():
+        routes.append(f"## {title}")
+        for path, operations in document["paths"].items():
+            for method, operation in operations.items():
+                if tag in operation.get("tags", ()):
+                    routes.append(f"### {method.upper()} {path}")
+                    routes.append(re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip()))
+                    routes.append(_list_fields(operation, document["components"]["schemas"]))
+                    routes.append(
+                        f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
+                    )
+                    routes.append(_list_answers(operation["responses"]))
     return "\n\n".join(
         [
             "# The HTTP interface",
             document["info"]["description"],
             "`/openapi.json` is the same for programs. Where the service has keys, add "
             "`-H 'Authorization: Bearer KEY'` to every command.",
-            *_describe_routes(document, server),
+            *routes,
         ]
     )
-
-
-def _describe_routes(document: abc.Mapping[str, Any], server: str) -> abc.Iterator[str]:
-    for tag, title in _TITLES.items():
-        yield f"## {title}"
-        for path, operations in document["paths"].items():
-            for method, operation in operations.items():
-                if tag in operation.get("tags", ()):
-                    yield f"### {method.upper()} {path}"
-                    yield re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip())
-                    yield _list_fields(operation, document["components"]["schemas"])
-                    yield f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
-                    yield _list_answers(operation["responses"])
 
 
 def _list_fields(operation: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:

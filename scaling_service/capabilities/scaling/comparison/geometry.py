@@ -213,18 +213,16 @@ def list_doubts(
     ``errors``, ``lengths``: method to trial to error, and method to length (``femur_r`` …) to m.
     One plain sentence each.
     """
-    return (*_describe_lost(errors), *(() if height_m is None else _describe_sizes(lengths, height_m)))
-
-
-def _describe_lost(errors: abc.Mapping[str, abc.Mapping[str, KinematicError]]) -> abc.Iterator[str]:
+    lost: list[str] = []
     trials = dict.fromkeys(trial for by_trial in errors.values() for trial in by_trial)
     for trial in trials:
         best = min(by_trial[trial].mean for by_trial in errors.values() if trial in by_trial)
         if best > FOLLOWED_M:
-            yield (
+            lost.append(
                 f"no model follows the markers of '{trial}' better than {1e3 * best:.0f} mm on average: "
                 f"check its labels and unit, and that all recordings are of one person"
             )
+    return (*lost, *(() if height_m is None else _describe_sizes(lengths, height_m)))
 
 
 def _describe_sizes(lengths: abc.Mapping[str, abc.Mapping[str, float]], height_m: float) -> abc.Iterator[str]:

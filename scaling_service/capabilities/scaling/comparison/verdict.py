@@ -66,7 +66,22 @@ def judge(evidence: Evidence) -> Verdict:
         raise ValueError("a verdict needs at least one method")
     answer = next((m for m in evidence.methods if m.method == ANSWER), None)
     chosen = answer or evidence.reference or evidence.methods[0]
-    doubts = tuple(_list_doubts(chosen, evidence))
+    # What speaks against the model, or against the recordings that it was made from
+    doubts: list[str] = []
+    if chosen.method != ANSWER:
+        doubts.append(
+            f"{ANSWER} was not computed. Other methods hold something fixed that nobody knows, and their "
+            f"distance from the markers does not tell how wrong that is."
+        )
+    if chosen.skin is not None and chosen.skin > STRANGE:
+        doubts.append(
+            f"Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does: look for "
+            f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
+            "the model does not describe."
+        )
+    odd = list_unusual(chosen.lengths, evidence.usual_lengths)
+    if odd:
+        doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
     strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
     return Verdict(
         method=chosen.method,
@@ -75,24 +90,6 @@ def judge(evidence: Evidence) -> Verdict:
         why=(*doubts, *_explain(chosen, evidence)),
         trust=rate_trust(chosen, evidence),
     )
-
-
-def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> abc.Iterator[str]:
-    """What speaks against the model, or against the recordings that it was made from."""
-    if chosen.method != ANSWER:
-        yield (
-            f"{ANSWER} was not computed. Other methods hold something fixed that nobody knows, and their "
-            f"distance from the markers does not tell how wrong that is."
-        )
-    if chosen.skin is not None and chosen.skin > STRANGE:
-        yield (
-            f"Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does: look for "
-            f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
-            "the model does not describe."
-        )
-    odd = list_unusual(chosen.lengths, evidence.usual_lengths)
-    if odd:
-        yield f"{_describe_unusual(odd)} Check height, units and labels."
 
 
 def _describe_moment(worst: Moment | None) -> str:

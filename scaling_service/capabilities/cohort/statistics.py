@@ -63,6 +63,17 @@ def compute_cohort_statistics(
     present = tuple(m for m in methods if any(m in s.methods for s in ordered))
     curves = list(compare_curves(ordered, present, seed, settings.waveforms))
     compared = list(compare_with_references(ordered, present, settings.confidence))
+    # What joint angles were compared to, where it is not what the paper takes
+    if not curves:
+        references = ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
+    else:
+        used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
+        references = [
+            "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
+            if reference is None
+            else f"joint angles are compared with {reference}, because not every subject has EB_am"
+            for reference in used
+        ]
     return documents.StatisticsDocument(
         **groups.compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
@@ -72,7 +83,7 @@ def compute_cohort_statistics(
             max_below_mm=GATE_MAX_M * _MM,
             methods=[_make_gate(ordered, method) for method in present],
         ),
-        notes=[*_describe_references(curves), *(a for a in compared if isinstance(a, str))],
+        notes=[*references, *(a for a in compared if isinstance(a, str))],
     )
 
 
@@ -90,19 +101,6 @@ def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) ->
         trials=sum(len(trials) for trials in passed),
         trials_passed=sum(sum(trials) for trials in passed),
     )
-
-
-def _describe_references(curves: abc.Sequence[documents.CurveEntry]) -> list[str]:
-    """What joint angles were compared to, where it is not what the paper takes."""
-    if not curves:
-        return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
-    used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
-    return [
-        "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
-        if reference is None
-        else f"joint angles are compared with {reference}, because not every subject has EB_am"
-        for reference in used
-    ]
 
 
 def compare_with_references(

@@ -118,9 +118,27 @@ def ik(
                 remedy="Results are named by it: leave one out, or rename one",
             )
         by_stem[file.stem] = file
+    name = str(model)
+    if marker_set is not None and not name.lower().endswith(".osim"):
+        raise InputError(
+            f"a marker set belongs to .osim models only, and the model is '{name}'",
+            field="marker_set",
+            remedy="Leave it out, or give the path of an .osim file",
+        )
+    if name.lower().endswith(MODEL_SUFFIXES):
+        place = str(Path(name).absolute())
+    else:
+        if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
+            raise InputError(
+                f"'{name}' is no model",
+                field="model",
+                remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or "
+                "a model.json",
+            )
+        place = name
     places = subjects.Subject(
         id=subject,
-        model=_name_model(model, marker_set),
+        model=place,
         marker_set=None if marker_set is None else Path(marker_set),
         marker_map=dict(options.markers),
         static=None if standing is None else Path(standing).absolute(),
@@ -225,22 +243,3 @@ def _without_subject_file() -> abc.Iterator[None]:
                 "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
             ).partition("; or say in the subject file")[0]
         raise
-
-
-def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
-    name = str(model)
-    if marker_set is not None and not name.lower().endswith(".osim"):
-        raise InputError(
-            f"a marker set belongs to .osim models only, and the model is '{name}'",
-            field="marker_set",
-            remedy="Leave it out, or give the path of an .osim file",
-        )
-    if name.lower().endswith(MODEL_SUFFIXES):
-        return str(Path(name).absolute())
-    if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
-        raise InputError(
-            f"'{name}' is no model",
-            field="model",
-            remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or a model.json",
-        )
-    return name

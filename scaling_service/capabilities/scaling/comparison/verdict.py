@@ -83,11 +83,29 @@ def judge(evidence: Evidence) -> Verdict:
     if odd:
         doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
     strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
+    why: list[str] = []
+    if chosen.method == ANSWER:
+        images = "images, " if evidence.imaged else ""
+        why.append(
+            f"It weighs {images}markers and movements with what is ordinary in people, and every deviation "
+            "counts what they leave open; deviations are one standard deviation of the worst."
+        )
+    if chosen.by_people:
+        why.append(f"Of {list_few(chosen.by_people)} people in general say more than these recordings.")
+    own = chosen.judged_on
+    judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
+    nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
+    if nearer:
+        why.append(
+            f"{list_few(nearer)} {'comes' if len(nearer) == 1 else 'come'} nearer to the markers, which is "
+            "no merit: what is free takes up skin, and of virtual persons such models are further from the "
+            "bones."
+        )
     return Verdict(
         method=chosen.method,
         strength=strength,
         headline=_write_headline(chosen, strength),
-        why=(*doubts, *_explain(chosen, evidence)),
+        why=(*doubts, *why),
         trust=rate_trust(chosen, evidence),
     )
 
@@ -120,26 +138,6 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     if strength == "leaning":
         return f"Use {ANSWER} for this person, which leans on what is ordinary in people{said}."
     return f"Use {ANSWER} for this person{said}."
-
-
-def _explain(chosen: MethodEvidence, evidence: Evidence) -> abc.Iterator[str]:
-    if chosen.method == ANSWER:
-        images = "images, " if evidence.imaged else ""
-        yield (
-            f"It weighs {images}markers and movements with what is ordinary in people, and every deviation "
-            "counts what they leave open; deviations are one standard deviation of the worst."
-        )
-    if chosen.by_people:
-        yield f"Of {list_few(chosen.by_people)} people in general say more than these recordings."
-    own = chosen.judged_on
-    judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
-    nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
-    if nearer:
-        yield (
-            f"{list_few(nearer)} {'comes' if len(nearer) == 1 else 'come'} nearer to the markers, which is "
-            "no merit: what is free takes up skin, and of virtual persons such models are further from the "
-            "bones."
-        )
 
 
 def rate_trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:

@@ -89,7 +89,7 @@ def _list_points(model: body.BodyModel, segment: str) -> Array:
     R, origin = frames[segment]
     children = [(frames[child.name][1] - origin) @ R for child in model.children(segment)]
     centres = [np.array(at) for where, at in lengths.find_joint_centres(model).values() if where == segment]
-    joints = np.stack([np.zeros(3), *ends, *centres])
+    joints = np.stack([np.zeros(3), *children, *centres])
     ends = find_ends(joints)
     if ends is not None:
         return ends

@@ -207,7 +207,12 @@ def compute_clinical_gait(
     of_held_out = bool(cycles)
     if not cycles:
         cycles = _cut_cycles(recordings, [trial for trial in followed if trial.name in fitted])
-    return ClinicalGait(recordings, cycles, of_held_out, "" if cycles else _describe_reason(followed))
+    why = ""
+    if not cycles:
+        reasons = [find_gait_cycles(trial, side).reason for trial in followed for side in frames.SIDES]
+        said = [reason for reason in reasons if reason]
+        why = (said or ["no whole stride is followed" if followed else "no movement was recorded"])[0]
+    return ClinicalGait(recordings, cycles, of_held_out, why)
 
 
 def _cut_cycles(
@@ -220,12 +225,6 @@ def _cut_cycles(
         for side in frames.SIDES
     }
     return {side: cycles for side, cycles in found.items() if cycles is not None}
-
-
-def _describe_reason(trials: abc.Sequence[Trial]) -> str:
-    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in frames.SIDES]
-    said = [reason for reason in reasons if reason]
-    return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
 
 
 def write_clinical(folder: Path, gait: ClinicalGait) -> None:
@@ -292,17 +291,19 @@ def _to_degrees(angle: float) -> float:
 
 def list_gait_angles() -> list[GaitAngleWord]:
     """All angles that a gait laboratory reads: their names for people, and what is usual, deg."""
-    return [_describe_gait_angle(name) for name in frames.ANGLES if name in frames.WAYS]
-
-
-def _describe_gait_angle(name: str) -> GaitAngleWord:
-    title, negative, positive = frames.WAYS[name]
-    usual = read_schwartz2008().bands.get(name)
-    return GaitAngleWord(
-        name=name,
-        title=title,
-        negative=negative,
-        positive=positive,
-        usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
-        usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
-    )
+    found = []
+    for name in frames.ANGLES:
+        if name in frames.WAYS:
+            title, negative, positive = frames.WAYS[name]
+            usual = read_schwartz2008().bands.get(name)
+            found.append(
+                GaitAngleWord(
+                    name=name,
+                    title=title,
+                    negative=negative,
+                    positive=positive,
+                    usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
+                    usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
+                )
+            )
+    return found

@@ -175,14 +175,13 @@ def _list_fields(operation: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any
     if body is not None:
         named = body["schema"].get("$ref") or body["schema"]["anyOf"][0]["$ref"]
         properties = schemas[named.rpartition("/")[2]]["properties"]
-        fields |= {name: _say(field, schemas) for name, field in properties.items()}
+        meanings = {}
+        for name, field in properties.items():
+            # What a field means: its own words, else those of what it holds.
+            held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
+            meanings[name] = str(field.get("description") or held.get("description", ""))
+        fields |= meanings
     return "\n".join(f"- `{name}`{f': {said}' if said else ''}" for name, said in fields.items())
-
-
-def _say(field: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:
-    """What a field means: its own words, else those of what it holds."""
-    held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
-    return str(field.get("description") or held.get("description", ""))
 
 
 def _list_answers(answers: abc.Mapping[str, abc.Mapping[str, Any]]) -> str:

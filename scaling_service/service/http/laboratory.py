@@ -96,6 +96,11 @@ def _make_document(row: MarkerMapRow | None) -> contracts.MarkerMapDocument:
 @cache
 def list_vocabulary() -> contracts.Vocabulary:
     """All names that come with the product."""
+    hidden_in_example = []
+    for one in (example.SLIDING, example.SWAPPED):
+        trials = () if one.trial is None else (one.trial,)
+        sizes = {name: QuantityDocument(value=value, sd=None) for name, value in one.parameters.items()}
+        hidden_in_example.append(describe_effect(one.kind, one.where, one.driver, trials, sizes))
     return contracts.Vocabulary(
         models=[_describe_model(builtin.load_builtin(name)) for name in builtin.BUILTIN_NAMES],
         methods=[
@@ -109,14 +114,8 @@ def list_vocabulary() -> contracts.Vocabulary:
         ],
         bones=list(BONES),
         gait_angles=list_gait_angles(),
-        hidden_in_example=[_write_sentence(one) for one in (example.SLIDING, example.SWAPPED)],
+        hidden_in_example=hidden_in_example,
     )
-
-
-def _write_sentence(hidden: example.Hidden) -> str:
-    trials = () if hidden.trial is None else (hidden.trial,)
-    sizes = {name: QuantityDocument(value=value, sd=None) for name, value in hidden.parameters.items()}
-    return describe_effect(hidden.kind, hidden.where, hidden.driver, trials, sizes)
 
 
 def _describe_model(model: BodyModel) -> contracts.ModelWord:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import abc
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -248,7 +248,10 @@ def batch(
     if watcher is not None:
         watcher.start(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finish)
-    with _make_folder(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
+    with (
+        _make_folder(folder),
+        contextlib.nullcontext(executor) if executor else workers(count, listener) as chosen,
+    ):
         outcomes = cohort_outcomes.run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
     return replace(result, files=saving.save_cohort(result.document, outcomes, folder))
@@ -319,14 +322,14 @@ def _make_member(
     )
 
 
-@contextmanager
+@contextlib.contextmanager
 def _make_folder(folder: Path) -> abc.Iterator[None]:
     """The folder made before workers want to make it at the same time, and gone if nothing came into it."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
     except BaseException:
-        with suppress(OSError):  # something is in it: it stays
+        with contextlib.suppress(OSError):  # something is in it: it stays
             folder.rmdir()
         raise
 

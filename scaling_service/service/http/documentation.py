@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from collections import abc
-from functools import cache, partial
 from html import escape
 from typing import Any
 
-from fastapi import APIRouter, FastAPI, Request
+import fastapi
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 from markdown_it import MarkdownIt
@@ -18,7 +18,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaMode, models_json
 
 from scaling_service.service.jobs.kinds import Kind
 
-router = APIRouter(include_in_schema=False)
+router = fastapi.APIRouter(include_in_schema=False)
 
 _STYLE = """
 :root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 20%, transparent); }
@@ -72,7 +72,7 @@ class _Schema(GenerateJsonSchema):
 
 
 def install(
-    app: FastAPI,
+    app: fastapi.FastAPI,
     kinds: abc.Mapping[str, Kind],
     bodies: abc.Iterable[type[BaseModel]],
     answers: abc.Iterable[type[BaseModel]],
@@ -82,12 +82,12 @@ def install(
     What is asked of the kinds of jobs and what they find is described, and the models of bodies and answers
     that no route's signature tells of.
     """
-    made = partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
-    app.openapi = cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
+    made = functools.partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
+    app.openapi = functools.cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
 
 
 def _make_document(
-    app: FastAPI,
+    app: fastapi.FastAPI,
     kinds: abc.Mapping[str, Kind],
     bodies: abc.Iterable[type[BaseModel]],
     answers: abc.Iterable[type[BaseModel]],
@@ -126,7 +126,7 @@ def _make_document(
 
 
 @router.get("/docs", response_class=HTMLResponse)
-async def docs(request: Request) -> HTMLResponse:
+async def docs(request: fastapi.Request) -> HTMLResponse:
     """Show all routes."""
     content = render(request.app.openapi(), str(request.base_url).rstrip("/"))
     return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY})

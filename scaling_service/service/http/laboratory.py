@@ -7,7 +7,7 @@ from functools import cache
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+import fastapi
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
@@ -25,7 +25,7 @@ from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import MarkerMapRow
 from scaling_service.virtual import example
 
-router = APIRouter(prefix="/v1", tags=["subjects"])
+router = fastapi.APIRouter(prefix="/v1", tags=["subjects"])
 
 DOCUMENTS = (contracts.MarkerMap,)  # what a map of labels follows
 
@@ -33,7 +33,7 @@ EXAMPLE: dict[str, Any] = {"labels": {"RKN": "RLFE", "LKN": "LLFE"}}
 
 _FEET = {"calcn_r", "calcn_l"}  # segments that the ground's forces act on
 
-Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
+Persons = Annotated[int, fastapi.Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
 
 
 @router.post(
@@ -43,7 +43,7 @@ Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than o
     | {200: {"model": contracts.ExampleList, "description": "They were there"}},
 )
 async def put_examples(
-    request: Request, response: Response, owner: callers.Owner, persons: Persons = 1
+    request: fastapi.Request, response: fastapi.Response, owner: callers.Owner, persons: Persons = 1
 ) -> contracts.ExampleList:
     """Put the built-in example among the caller's subjects.
 
@@ -74,7 +74,7 @@ def get_marker_map(owner: callers.Owner, service: callers.ServiceDep) -> contrac
     openapi_extra=describe_json_body(EXAMPLE, contracts.MarkerMap),
 )
 async def put_marker_map(
-    request: Request, owner: callers.Owner, service: callers.ServiceDep
+    request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
 ) -> contracts.MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.
 

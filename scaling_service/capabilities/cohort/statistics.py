@@ -74,6 +74,23 @@ def compute_cohort_statistics(
             else f"joint angles are compared with {reference}, because not every subject has EB_am"
             for reference in used
         ]
+    gate = []
+    for method in present:
+        passed = []
+        for s in ordered:
+            if method in s.methods:
+                of = s.methods[method]
+                seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
+                passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
+        gate.append(
+            documents.GateEntry(
+                method=method,
+                subjects=len(passed),
+                subjects_passed=sum(all(trials) for trials in passed),
+                trials=sum(len(trials) for trials in passed),
+                trials_passed=sum(sum(trials) for trials in passed),
+            )
+        )
     return documents.StatisticsDocument(
         **groups.compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
@@ -81,25 +98,9 @@ def compute_cohort_statistics(
         opensim_limits=documents.Gates(
             rms_below_mm=GATE_RMS_M * _MM,
             max_below_mm=GATE_MAX_M * _MM,
-            methods=[_make_gate(ordered, method) for method in present],
+            methods=gate,
         ),
         notes=[*references, *(a for a in compared if isinstance(a, str))],
-    )
-
-
-def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) -> documents.GateEntry:
-    passed = []
-    for s in subjects:
-        if method in s.methods:
-            of = s.methods[method]
-            seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
-            passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
-    return documents.GateEntry(
-        method=method,
-        subjects=len(passed),
-        subjects_passed=sum(all(trials) for trials in passed),
-        trials=sum(len(trials) for trials in passed),
-        trials_passed=sum(sum(trials) for trials in passed),
     )
 
 

@@ -16,7 +16,6 @@ from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents import service as contracts
 from scaling_service.model import builtin
-from scaling_service.model.body import BodyModel
 from scaling_service.service.http import bodies, callers
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
@@ -101,8 +100,27 @@ def list_vocabulary() -> contracts.Vocabulary:
         trials = () if one.trial is None else (one.trial,)
         sizes = {name: QuantityDocument(value=value, sd=None) for name, value in one.parameters.items()}
         hidden_in_example.append(describe_effect(one.kind, one.where, one.driver, trials, sizes))
+    models = []
+    for name in builtin.BUILTIN_NAMES:
+        model = builtin.load_builtin(name)
+        models.append(
+            contracts.ModelWord(
+                name=model.name,
+                segments=list(model.segment_names),
+                markers=[
+                    contracts.MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
+                    for m in model.markers
+                    if m.weight > 0.0
+                ],
+                coordinates=[
+                    contracts.CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
+                    for c in model.coordinates
+                ],
+                feet=set(model.segment_names) >= _FEET,
+            )
+        )
     return contracts.Vocabulary(
-        models=[_describe_model(builtin.load_builtin(name)) for name in builtin.BUILTIN_NAMES],
+        models=models,
         methods=[
             contracts.MethodWord(
                 name=name,
@@ -115,21 +133,4 @@ def list_vocabulary() -> contracts.Vocabulary:
         bones=list(BONES),
         gait_angles=list_gait_angles(),
         hidden_in_example=hidden_in_example,
-    )
-
-
-def _describe_model(model: BodyModel) -> contracts.ModelWord:
-    return contracts.ModelWord(
-        name=model.name,
-        segments=list(model.segment_names),
-        markers=[
-            contracts.MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
-            for m in model.markers
-            if m.weight > 0.0
-        ],
-        coordinates=[
-            contracts.CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
-            for c in model.coordinates
-        ],
-        feet=set(model.segment_names) >= _FEET,
     )

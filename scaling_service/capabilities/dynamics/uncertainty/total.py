@@ -121,9 +121,9 @@ def describe_verdict(dr: Array, total: Array) -> str:
     else:
         whose = "its" if supported.sum() == 1 else "their"
         calibration = (
-            f"Only {yes} can calibrate inertial parameters: {whose} residual stands above the uncertainty. In "
-            f"{no} the measurement's own uncertainty explains all of the residual, so an identification would "
-            "fit noise there."
+            f"Only {yes} can calibrate inertial parameters: {whose} residual stands above the uncertainty. "
+            f"In {no} the measurement's own uncertainty explains all of the residual, so an identification "
+            "would fit noise there."
         )
     return (
         f"{calibration} The parameters at hand {said}: forces are left by "

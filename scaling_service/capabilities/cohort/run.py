@@ -7,6 +7,7 @@ import time
 from collections import abc
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Protocol
@@ -15,7 +16,7 @@ from scaling_service.capabilities.cohort import outcomes as cohort_outcomes
 from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import saving
 from scaling_service.capabilities.cohort.executors import workers
-from scaling_service.capabilities.cohort.members import Listed, read_members
+from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
 from scaling_service.capabilities.scaling.methods import table
@@ -26,7 +27,6 @@ from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import format_p
 from scaling_service.core.threads import count_cores
 from scaling_service.documents import writing
-from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 from scaling_service.report.words import spell_name
 
@@ -234,11 +234,18 @@ def batch(
     source, folder = Path(cohort), Path(out)
     writing.check_folder(folder)
     listed, notes = read_members(source)
-    read = [_load(row) for row in listed]
-    members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
+    members, subjects = [], []
+    for row in listed:
+        member = partial(cohort_outcomes.SubjectMember, file=row.file, shown=row.shown, groups=row.groups)
+        try:
+            found = load_subject(row.file)
+        except InputError as error:
+            members.append(member(name=row.shown, folder=folder, error=error))
+        else:
+            subjects.append(found)
+            members.append(member(name=found.id, folder=(folder / found.id).absolute(), force=force))
     readable = [member for member in members if member.error is None]
     saving.check_names(((m.name, m.shown, m.file) for m in readable), source)
-    subjects = [found for found in read if isinstance(found, Subject)]
     answers = [cohort_outcomes.select_possible_methods(subject, methods) for subject in subjects]
     if answers and not any(possible for possible, _ in answers):
         reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
@@ -299,26 +306,6 @@ def explain_none_possible(
         file=source,
         field="--methods",
         remedy="Choose other methods, or add what is missing to the subject files",
-    )
-
-
-def _load(row: Listed) -> Subject | InputError:
-    try:
-        return load_subject(row.file)
-    except InputError as error:
-        return error
-
-
-def _make_member(
-    row: Listed, found: Subject | InputError, folder: Path, force: bool
-) -> cohort_outcomes.SubjectMember:
-    if isinstance(found, InputError):
-        return cohort_outcomes.SubjectMember(
-            name=row.shown, file=row.file, folder=folder, shown=row.shown, groups=row.groups, error=found
-        )
-    place = (folder / found.id).absolute()
-    return cohort_outcomes.SubjectMember(
-        name=found.id, file=row.file, folder=place, shown=row.shown, groups=row.groups, force=force
     )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from scaling_service.bones import images, results, whole
 from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
@@ -56,17 +54,16 @@ def gather_images(
             if (segment := find_body(model, bone) or bone) in model.segment_names
         }
     evidence = whole.collect_evidence(found, markers, bones)
-    notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
-    return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
-
-
-def _tell_bone(name: str, bone: results.BoneLandmarks) -> Iterator[Note]:
-    for text in bone.warnings:
-        yield Note(code="bone", place=name, problem=text)
-    for point, why in bone.refused.items():
-        yield Note(
-            code="landmark_refused",
-            place=name,
-            problem=f"{point} was not taken: {why}",
-            remedy="Look at the surface of the bone there; without the point, the others are used",
+    notes: list[Note] = []
+    for name, bone in found.items():
+        notes.extend(Note(code="bone", place=name, problem=text) for text in bone.warnings)
+        notes.extend(
+            Note(
+                code="landmark_refused",
+                place=name,
+                problem=f"{point} was not taken: {why}",
+                remedy="Look at the surface of the bone there; without the point, the others are used",
+            )
+            for point, why in bone.refused.items()
         )
+    return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))

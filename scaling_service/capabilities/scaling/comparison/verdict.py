@@ -127,7 +127,7 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     known = [
         f"{what} to ± {unit(max(sds.values()))}"
         for what, sds, unit in (
-            ("lengths", chosen.length_sds, _round_mm),
+            ("lengths", chosen.length_sds, lambda metres: f"{1e3 * metres:.0f} mm"),
             ("joint angles", chosen.angle_sds, _format_deg),
         )
         if sds
@@ -197,10 +197,6 @@ def _grade(value: float, good: float, fair: float) -> Level:
 def format_mm(metres: float) -> str:
     """Millimetres as shown to people."""
     return f"{1e3 * metres:.1f}"
-
-
-def _round_mm(metres: float) -> str:
-    return f"{1e3 * metres:.0f} mm"
 
 
 def _format_deg(angle: float) -> str:

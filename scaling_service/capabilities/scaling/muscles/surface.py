@@ -79,8 +79,8 @@ def follow_surfaces(
         off, now = 1e3 * np.median(moved[segment].distances, axis=0)
         notes.append(
             f"{calibration.method}: {len(moved[segment].points)} attachments on {segment} follow its "
-            f"surface: {off:.1f} mm from the bone as scaled, {now:.1f} mm now (medians); {1e3 * mapped.left_m:.1f} "
-            "mm are left between the surfaces"
+            f"surface: {off:.1f} mm from the bone as scaled, {now:.1f} mm now (medians); "
+            f"{1e3 * mapped.left_m:.1f} mm are left between the surfaces"
         )
     every = [point for found in moved.values() for point in found.points]
     if not every:

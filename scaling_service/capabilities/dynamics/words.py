@@ -171,7 +171,14 @@ def make_residual_tables(
         columns=columns,
         rows=[
             tables.Row(
-                f"{gate.source}: {gate.name}, {gate.unit}", [_format_gate(t, k) for t in trials.values()]
+                f"{gate.source}: {gate.name}, {gate.unit}",
+                [
+                    tables.Cell(
+                        f"{g.value:.0f} ({g.limit:.0f}) {'kept' if g.passed else 'broken'}",
+                        tone="good" if g.passed else "poor",
+                    )
+                    for g in (trial.gates[k] for trial in trials.values())
+                ],
             )
             for k, gate in enumerate(first.gates)
         ],
@@ -179,11 +186,3 @@ def make_residual_tables(
         "checklist, which holds for walking. Keeping them is necessary, not sufficient.",
     )
     return rms, shares, gates
-
-
-def _format_gate(trial: documents.TrialDynamicsDocument, k: int) -> tables.Cell:
-    gate = trial.gates[k]
-    return tables.Cell(
-        f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",
-        tone="good" if gate.passed else "poor",
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import abc
+from itertools import product
 from typing import Any
 
 from scaling_service.capabilities.intake import files as intake_files
@@ -54,7 +55,14 @@ def assign_recordings(found: abc.Sequence[intake_files.InputFile]) -> Roles:
     """
     recordings = [f.content for f in found if isinstance(f.content, intake_files.RecordingFile)]
     still = standing.rank_standing(recordings)
-    roles: Roles = {s.file: ("trials.static", _explain_choice(still)) for s in still[:1]}
+    roles: Roles = {}
+    if still:
+        best, *others = still
+        alike = [s.file for s in others if s.merit == best.merit]
+        worse = [s.file for s in others if s.file not in alike]
+        said = [best.why, *([f"better than {list_few(worse)}"] if worse else [])]
+        said += [f"{list_few(alike)} would do as well"] if alike else []
+        roles[best.file] = ("trials.static", "; ".join(said))
     quiet = {s.file for s in still}
     moves = {item.file: _by_name(item.file) for item in recordings if item.file not in quiet}
     roles |= {file: (f"trials.{role or 'calibration'}", why) for file, (role, why) in moves.items()}
@@ -70,15 +78,6 @@ def assign_recordings(found: abc.Sequence[intake_files.InputFile]) -> Roles:
         chosen = next((file for file in unnamed if file in walks), unnamed[0])
         roles[chosen] = ("trials.evaluation", "one movement must be left to judge by")
     return roles
-
-
-def _explain_choice(still: abc.Sequence[standing.Standing]) -> str:
-    """Why the first of those that stand still was taken."""
-    best, *others = still
-    alike = [s.file for s in others if s.merit == best.merit]
-    worse = [s.file for s in others if s.file not in alike]
-    parts = [best.why, *([f"better than {list_few(worse)}"] if worse else [])]
-    return "; ".join([*parts, *([f"{list_few(alike)} would do as well"] if alike else [])])
 
 
 def _by_name(name: str) -> tuple[str | None, str]:
@@ -105,12 +104,15 @@ def assign_forces(
         for item in (f.content for f in found if isinstance(f.content, intake_files.RecordingFile))
         if item.forces is None and item.file in roles and item.file != static
     ]
-    scores = {
-        (f.name, item.file): (_is_covered(f.content, item), _measure_likeness(f.name, item.file))
-        for f in found
-        if isinstance(f.content, GroundForces)
-        for item in bare
-    }
+    scores = {}
+    for f, item in product(found, bare):
+        if isinstance(f.content, GroundForces):
+            # Whether forces last as long as the recording, both from about the same time, and the shared
+            # parts of their names over all parts
+            late, early = f.content.times[0] - item.trial.times[0], item.trial.times[-1] - f.content.times[-1]
+            covered = bool(max(late, early) <= TIMES_S and min(late, early) >= -LONGER_S)
+            one, other = _split_name(f.name), _split_name(item.file)
+            scores[f.name, item.file] = covered, len(one & other) / len(one | other)
     taken: Roles = {}
     given: set[str] = set()
     for (file, recording), score in sorted(scores.items(), key=lambda s: s[1], reverse=True):
@@ -128,20 +130,6 @@ def assign_forces(
         taken[file] = (f"forces.{recording}", ", ".join(why))
         given.add(recording)
     return taken
-
-
-def _is_covered(forces: GroundForces, item: intake_files.RecordingFile) -> bool:
-    """Whether forces last as long as a recording, both from about the same time."""
-    times = item.trial.times
-    late = forces.times[0] - times[0]
-    early = times[-1] - forces.times[-1]
-    return bool(max(late, early) <= TIMES_S and min(late, early) >= -LONGER_S)
-
-
-def _measure_likeness(one: str, other: str) -> float:
-    """Shared parts of two names over all their parts."""
-    a, b = _split_name(one), _split_name(other)
-    return len(a & b) / len(a | b)
 
 
 def _split_name(name: str) -> set[str]:

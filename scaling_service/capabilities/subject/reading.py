@@ -112,11 +112,15 @@ class _Finder:
         found = self._folder / Path(path).expanduser()
         if not found.is_file():
             problem = "is a folder, not a file" if found.is_dir() else "does not exist"
+            # What lies in that folder under a similar name
+            folder = found.parent
+            names = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
+            guess = suggest_name(found.name, names, cutoff=0.75)  # suffixes are alike
             raise errors.SubjectInvalid(
                 f"'{path}' {problem} (looked for {found})",
                 file=self._file,
                 field=field,
-                remedy=self._similar(found),
+                remedy=guess.strip() or "Paths are relative to the subject file: correct the path",
             )
         # Not resolved: results are named as the subject file names the recording, not as a link's target.
         return found.absolute()
@@ -159,14 +163,6 @@ class _Finder:
             remedy=f"{suggest_name(name, BUILTIN_NAMES)}Use one of {', '.join(BUILTIN_NAMES)}, "
             "or the path of an .osim or model.json",
         )
-
-    @staticmethod
-    def _similar(missing: Path) -> str:
-        """What lies in that folder under a similar name."""
-        folder = missing.parent
-        names = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
-        guess = suggest_name(missing.name, names, cutoff=0.75)  # suffixes are alike
-        return guess.strip() or "Paths are relative to the subject file: correct the path"
 
 
 def list_recordings(subject: Subject) -> tuple[Path, ...]:

@@ -27,14 +27,13 @@ def write_typescript(document: Mapping[str, Any]) -> str:
         if "asking" in operation.get("tags", ())
     }
     kinds = f"export const ROUTES: Record<string, string> = {json.dumps(routes, indent=2)};"
-    types = (_write_declaration(name, schemas[name]) for name in sorted(schemas))
+    types = (
+        f"\nexport interface {name} {{\n{_write_fields(schemas[name])}}}\n"
+        if "properties" in schemas[name]
+        else f"\nexport type {name} = {_write_type(schemas[name])};\n"
+        for name in sorted(schemas)
+    )
     return "\n".join((_HEAD, "/** Kind of job to its route. */", kinds, "")) + "".join(types)
-
-
-def _write_declaration(name: str, schema: Mapping[str, Any]) -> str:
-    if "properties" not in schema:
-        return f"\nexport type {name} = {_write_type(schema)};\n"
-    return f"\nexport interface {name} {{\n{_write_fields(schema)}}}\n"
 
 
 def _write_fields(schema: Mapping[str, Any]) -> str:

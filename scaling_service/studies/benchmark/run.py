@@ -73,7 +73,13 @@ def run_benchmark(
             field="opensim",
             remedy="Install it with `pip install scaling-service[opensim]`",
         )
-    chosen = [_find_task(name) for name in tasks] or list(TASKS.values())
+    for name in tasks:
+        if name not in TASKS:
+            guess = suggest_name(name, TASKS, cutoff=0.5)
+            raise errors.InputError(
+                f"there is no task '{name}'", field="--tasks", remedy=f"{guess}There are {', '.join(TASKS)}"
+            )
+    chosen = [TASKS[name] for name in tasks] or list(TASKS.values())
     folders = {name: out / "entries" / name for name in (benchmark_parts.OURS, benchmark_parts.OPENSIM)}
     for entry in entries:
         if not entry.is_dir() or entry.name in folders:
@@ -85,7 +91,11 @@ def run_benchmark(
             )
         folders[entry.name] = entry
     place, start = Place(data=data, out=out, entries=folders, keep=keep_answers), time.monotonic()
-    left_out = {task.name: lack for task in chosen if (lack := _find_lack(task, data))}
+    left_out = {}
+    for task in chosen:
+        absent = [name for name in task.needs if not (data / name).exists()]
+        if absent:
+            left_out[task.name] = f"{', '.join(absent)} not in {data}"
     ready = [task for task in chosen if task.name not in left_out]
     done = [
         _run_task(task, place, seed, workers, progress.report_part(report, k / len(ready), 1.0 / len(ready)))
@@ -106,21 +116,6 @@ def run_benchmark(
     out.mkdir(parents=True, exist_ok=True)
     writing.write_json(out / documents.DOCUMENT, document)
     return document
-
-
-def _find_task(name: str) -> benchmark_parts.Task:
-    if name not in TASKS:
-        guess = suggest_name(name, TASKS, cutoff=0.5)
-        raise errors.InputError(
-            f"there is no task '{name}'", field="--tasks", remedy=f"{guess}There are {', '.join(TASKS)}"
-        )
-    return TASKS[name]
-
-
-def _find_lack(task: benchmark_parts.Task, data: Path) -> str:
-    """Folders of the data that a task needs and that are absent, in words."""
-    absent = [name for name in task.needs if not (data / name).exists()]
-    return f"{', '.join(absent)} not in {data}" if absent else ""
 
 
 def _run_task(

@@ -181,6 +181,21 @@ def _make_document(
         rows,
         key=lambda r: -max(r.length_mm / asked[r.muscle], r.moment_arm_mm / (1e3 * ARM_M)),
     )
+    summary = [note]
+    if rows:
+        within = sum(row.within for row in rows)
+        summary = [
+            f"Over every coordinate's range {within} of {len(rows)} muscles are in {engine.engine} as in "
+            f"{reference}: lengths within {1e3 * LENGTH_M:g} mm ({1e3 * WRAPPING_LENGTH_M:g} mm where they "
+            f"wrap), moment arms within {1e3 * ARM_M:g} mm."
+        ]
+    for row in (row for k, row in enumerate(ranked[:_TOLD]) if not (k and row.within)):
+        why = f": {'; '.join(row.causes)}" if row.causes else ""
+        summary.append(
+            f"{row.muscle}: length off by {row.length_mm:.2f} mm at {row.length_at} {row.length_at_deg:.0f}"
+            f" degrees, moment arm by {row.moment_arm_mm:.2f} mm at {row.moment_arm_at}"
+            f" {row.moment_arm_at_deg:.0f} degrees{why}."
+        )
     return engines.EngineMuscleDocument(
         engine=engine.engine,
         reference=reference,
@@ -193,28 +208,9 @@ def _make_document(
         share_moment_arms_within=share([row.moment_arm_mm <= 1e3 * ARM_M for row in rows]),
         share_within=share([row.within for row in rows]),
         muscles=ranked,
-        summary=[_summarise(ranked, engine.engine, reference), *_name_worst(ranked)] if rows else [note],
+        summary=summary,
         changed=[each for said in exported.changed.values() for each in said],
     )
-
-
-def _summarise(rows: list[engines.EngineMuscle], engine: str, reference: str | None) -> str:
-    within = sum(row.within for row in rows)
-    return (
-        f"Over every coordinate's range {within} of {len(rows)} muscles are in {engine} as in {reference}:"
-        f" lengths within {1e3 * LENGTH_M:g} mm ({1e3 * WRAPPING_LENGTH_M:g} mm where they wrap), moment arms"
-        f" within {1e3 * ARM_M:g} mm."
-    )
-
-
-def _name_worst(rows: list[engines.EngineMuscle]) -> abc.Iterator[str]:
-    for row in (row for k, row in enumerate(rows[:_TOLD]) if not (k and row.within)):
-        why = f": {'; '.join(row.causes)}" if row.causes else ""
-        yield (
-            f"{row.muscle}: length off by {row.length_mm:.2f} mm at {row.length_at} {row.length_at_deg:.0f}"
-            f" degrees, moment arm by {row.moment_arm_mm:.2f} mm at {row.moment_arm_at}"
-            f" {row.moment_arm_at_deg:.0f} degrees{why}."
-        )
 
 
 def write_check(folder: Path, found: MuscleCheck) -> None:

@@ -87,11 +87,7 @@ def _list_witnesses(facts: Facts) -> list[_Witness]:
         ("POINT:SCALE", "real", _say_form(facts.number("POINT", "SCALE"))),
     ]
     witnesses = [_Witness(where, of, value) for where, of, value in said if value is not None]
-    return witnesses + _list_frame_counts(facts)
-
-
-def _list_frame_counts(facts: Facts) -> list[_Witness]:
-    """Counts of frames: one word holds them up to 65,535, and what is longer stands elsewhere."""
+    # Counts of frames: one word holds them up to 65,535, and what is longer stands elsewhere.
     found = []
     counted = facts.last - facts.first + 1
     if facts.last < _SATURATED:
@@ -107,7 +103,7 @@ def _list_frame_counts(facts: Facts) -> list[_Witness]:
         first, last = (int(f[0]) % 65536 + 65536 * (int(f[1]) % 65536 if len(f) > 1 else 0) for f in fields)
         if last >= first:
             found.append(_Witness("TRIAL:ACTUAL_END_FIELD", "frames", last - first + 1))
-    return found
+    return witnesses + found
 
 
 def _say_form(scale: float) -> int | None:

@@ -63,7 +63,14 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
     """
     file = Path(path)
     text, repairs = tables.read_text(file, _KIND)
-    rows = _split_rows(text)
+    # Cells of all lines; between tabs, semicolons or commas, whichever there are most of.
+    delimiter = max("\t;,", key=text.count)
+    rows = [
+        [cell.strip() for cell in row]
+        for row in csv.reader(text.splitlines(), delimiter=delimiter, strict=False)
+    ]
+    if delimiter != "," and not re.search(r"\d\.\d", text):  # decimal commas
+        rows = [[re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", cell) for cell in row] for row in rows]
     layout = next((found for find in _LAYOUTS if (found := find(rows, file)) is not None), None)
     if layout is None or not layout.columns:
         raise FileUnreadable(
@@ -106,18 +113,6 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
         repairs=(*repairs, *notes, *of_unit, *clock, *lost, *twice),
         unit=layout.unit or of_unit[0].where,
     )
-
-
-def _split_rows(text: str) -> list[Row]:
-    """Cells of all lines; between tabs, semicolons or commas, whichever there are most of."""
-    delimiter = max("\t;,", key=text.count)
-    rows = [
-        [cell.strip() for cell in row]
-        for row in csv.reader(text.splitlines(), delimiter=delimiter, strict=False)
-    ]
-    if delimiter != "," and not re.search(r"\d\.\d", text):  # decimal commas
-        rows = [[re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", cell) for cell in row] for row in rows]
-    return rows
 
 
 def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int], file: Path) -> Array:

@@ -89,7 +89,10 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
         ET.SubElement(bodies[marker.segment], "site", given)
     _add_unmoving(bodies[GROUND], found, coordinates)
     ties = _list_ties(found, coordinates, eased.helpers)
-    _tie(root, ties)
+    element = ET.SubElement(root, "equality")
+    for follower, (leader, polynomial) in ties.items():
+        tie = ET.SubElement(element, "joint", joint1=follower, joint2=leader)
+        tie.set("polycoef", format_numbers(polynomial))
     _sort_joints(bodies[GROUND], ties, found)
     in_all, each = _describe_fits(eased.followed)
     each = [*list_following(model), *each]
@@ -163,16 +166,12 @@ def _is_limited(coordinate: Coordinate, limb: Limb) -> bool:
     return finite and (coordinate.clamped or limb.segment.parent != GROUND)
 
 
-def _list_unmoving(found: tuple[Limb, ...]) -> list[str]:
-    """Coordinates that move axes by functions alone, and none by their own value."""
-    axes = [axis for limb in found for axis in limb.axes]
-    leading = {axis.name for axis in axes if axis.leads}
-    return list(dict.fromkeys(str(a.term.coordinate) for a in axes if a.term.coordinate not in leading))
-
-
 def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]) -> None:
     """A body without mass for each coordinate that is no axis: its joint has the value that others follow."""
-    for name in _list_unmoving(found):
+    # Coordinates that move axes by functions alone, and none by their own value
+    axes = [axis for limb in found for axis in limb.axes]
+    leading = {axis.name for axis in axes if axis.leads}
+    for name in dict.fromkeys(str(a.term.coordinate) for a in axes if a.term.coordinate not in leading):
         own = coordinates[name]
         body = ET.SubElement(ground, "body", name=f"value of {name}")
         least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": format_numbers([_SMALLEST] * 3)}
@@ -190,13 +189,6 @@ def _list_ties(
     axes = [axis for limb in found for axis in limb.axes if not axis.leads]
     followers = {a.name: (name := str(a.term.coordinate), _fit(a, coordinates[name])) for a in axes}
     return {**helpers, **followers}
-
-
-def _tie(root: ET.Element, ties: Mapping[str, tuple[str, Array]]) -> None:
-    element = ET.SubElement(root, "equality")
-    for follower, (leader, polynomial) in ties.items():
-        tie = ET.SubElement(element, "joint", joint1=follower, joint2=leader)
-        tie.set("polycoef", format_numbers(polynomial))
 
 
 def _sort_joints(ground: ET.Element, ties: Mapping[str, tuple[str, Array]], found: tuple[Limb, ...]) -> None:

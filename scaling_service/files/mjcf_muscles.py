@@ -35,7 +35,10 @@ def add_muscles(
         name = tendon.muscle.name
         course = ET.SubElement(courses, "spatial", name=name)
         if tendon.muscle.damping:
-            course.set("damping", format_numbers([_find_damping(tendon.muscle)]))
+            muscle = tendon.muscle
+            # Of the tendon, N s/m: that of Millard's fibre.
+            damping = muscle.damping * muscle.isometric_force / (muscle.fibre * muscle.speed)
+            course.set("damping", format_numbers([damping]))
         for part in tendon.course:
             if isinstance(part, Site):
                 _add_site(bodies[part.segment], part)
@@ -114,11 +117,6 @@ def _add_motor(motors: ET.Element, muscle: Muscle) -> None:
         "fvmax": format_numbers([_MOST_FORCE]),
     }
     ET.SubElement(motors, "muscle", given)
-
-
-def _find_damping(muscle: Muscle) -> float:
-    """Of the tendon, N s/m: that of Millard's fibre."""
-    return muscle.damping * muscle.isometric_force / (muscle.fibre * muscle.speed)
 
 
 def _draw_passive(steps: int) -> Array:

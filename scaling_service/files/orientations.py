@@ -23,6 +23,8 @@ QUATERNION = "quaternion"
 
 _UNIT = 0.05  # chosen: most that a quaternion's length may be off one; sensors write four digits or more
 
+_HEAD = 4096  # letters that are looked at; a header has ten lines
+
 
 def is_orientation_file(path: str | os.PathLike[str]) -> bool:
     """Whether a STO file says in its header that it holds orientations; False where it cannot be read."""
@@ -33,9 +35,6 @@ def is_orientation_file(path: str | os.PathLike[str]) -> bool:
         return False
     kind = look_up(read_header(head.lower().partition("endheader")[0].splitlines()), "datatype")
     return kind == QUATERNION
-
-
-_HEAD = 4096  # letters that are looked at; a header has ten lines
 
 
 def read_orientations(path: str | os.PathLike[str]) -> Recording:

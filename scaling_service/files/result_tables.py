@@ -154,9 +154,13 @@ def write_motion_bids(tables: Mapping[str, ResultTable], folder: Path, about: Ab
             f"{kind}ChannelCount": sum(channel[2] == kind for channel in channels)
             for kind in ("JNTANG", "POS", "MISC")
         }
+        # Frames a second; of a single frame there is none, which is written as 0.
+        times = values[:, 0]
         sidecar = {
             "TaskName": table.trial,
-            "SamplingFrequency": _measure_rate(values[:, 0]),
+            "SamplingFrequency": (
+                float(round((len(times) - 1) / (times[-1] - times[0]), 6)) if len(times) > 1 else 0.0
+            ),
             "TrackingSystemName": table.system,
             "MotionChannelCount": len(channels),
             "MissingValues": "n/a",
@@ -172,11 +176,6 @@ def _describe_channel(column: str) -> list[str]:
     kind = "MISC" if _SD in column else "JNTANG" if UNITS[end] == "deg" else "POS"
     component = coordinate[-1] if kind == "POS" and coordinate[-1] in "xyz" else "n/a"
     return [name, component, kind, coordinate, UNITS[end]]
-
-
-def _measure_rate(times: np.ndarray) -> float:
-    """Frames a second; of a single frame there is none, which is written as 0."""
-    return float(round((len(times) - 1) / (times[-1] - times[0]), 6)) if len(times) > 1 else 0.0
 
 
 def _make_label(text: str) -> str:

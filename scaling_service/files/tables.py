@@ -126,7 +126,11 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     infinite = np.isinf(data)
     tally["infinite"] = int(infinite.any(axis=1).sum())
     data[infinite] = np.nan
-    return data, _describe(tally)
+    return data, tuple(
+        Repair(what=kind, where="rows", detail=detail, frames=tally[need])
+        for need, (kind, detail) in _REPAIRS.items()
+        if tally[need]
+    )
 
 
 def _parse_plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
@@ -194,14 +198,6 @@ def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) 
         file=path,
         field=column,
         remedy="Correct the cell, or leave it blank if the value is missing",
-    )
-
-
-def _describe(tally: Counter[str]) -> tuple[Repair, ...]:
-    return tuple(
-        Repair(what=kind, where="rows", detail=detail, frames=tally[need])
-        for need, (kind, detail) in _REPAIRS.items()
-        if tally[need]
     )
 
 

@@ -233,7 +233,34 @@ def expand(
     left: list[Segment] = []
     left_coordinates: list[Coordinate] = []
     for entry in written.segments:
-        segment, moved = _make_segment(entry, person)
+        joints: list[Joint] = []
+        if entry.centre is not None:
+            # Zeros stay, so that a centre can be moved in place.
+            follows = None if entry.parent == GROUND else entry.parent
+            places = zip("XYZ", entry.centre.at, strict=True)
+            joints += [Joint("translation", _AXES[axis], Law.constant(at), follows) for axis, at in places]
+        moved: list[Coordinate] = []
+        for move in entry.moves:
+            axis = _AXES[move.about or move.along or ""]
+            if move.angle_deg is not None:
+                joints.append(Joint("rotation", axis, Law.constant(math.radians(move.angle_deg))))
+                continue
+            kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
+            lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
+            joints.append(Joint(kind, axis, Law.of(move.coordinate)))
+            moved.append(
+                Coordinate(name=move.coordinate, kind=kind, default=move.default_m, lower=lower, upper=upper)
+            )
+        mass, com, inertia = _make_inertia(entry.inertia, person)
+        segment = Segment(
+            name=entry.name,
+            parent=entry.parent,
+            joint_name=entry.joint,
+            joints=tuple(joints),
+            mass=mass,
+            com=com,
+            inertia=inertia,
+        )
         segments.append(segment)
         coordinates += moved
         if entry.mirrored:
@@ -249,38 +276,6 @@ def expand(
         source=written.source,
     )
     return model, person
-
-
-def _make_segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coordinate]]:
-    joints: list[Joint] = []
-    if entry.centre is not None:
-        # Zeros stay, so that a centre can be moved in place.
-        follows = None if entry.parent == GROUND else entry.parent
-        places = zip("XYZ", entry.centre.at, strict=True)
-        joints += [Joint("translation", _AXES[axis], Law.constant(at), follows) for axis, at in places]
-    coordinates: list[Coordinate] = []
-    for move in entry.moves:
-        axis = _AXES[move.about or move.along or ""]
-        if move.angle_deg is not None:
-            joints.append(Joint("rotation", axis, Law.constant(math.radians(move.angle_deg))))
-            continue
-        kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
-        lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
-        joints.append(Joint(kind, axis, Law.of(move.coordinate)))
-        coordinates.append(
-            Coordinate(name=move.coordinate, kind=kind, default=move.default_m, lower=lower, upper=upper)
-        )
-    mass, com, inertia = _make_inertia(entry.inertia, person)
-    segment = Segment(
-        name=entry.name,
-        parent=entry.parent,
-        joint_name=entry.joint,
-        joints=tuple(joints),
-        mass=mass,
-        com=com,
-        inertia=inertia,
-    )
-    return segment, coordinates
 
 
 def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Tensor]:

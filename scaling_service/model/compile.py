@@ -19,7 +19,6 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
-    Constraint,
     Joint,
     Law,
     Marker,
@@ -175,7 +174,12 @@ def _compile_cached(same: _Same, markers: tuple[str, ...]) -> Tree:
     model = same.model
     chosen = [model.marker(name) for name in markers]
     index = _Index(model)
-    kept = _list_carriers(model, {m.segment for m in chosen})
+    wanted = {m.segment for m in chosen}
+    needed = set(wanted)
+    for segment in reversed(model.segments):
+        if segment.name in needed:
+            needed.add(segment.parent)
+    kept = [s for s in model.segments if s.name in needed]
     number = {segment.name: k for k, segment in enumerate(kept)}
     links = tuple(
         Link(NONE if s.parent == GROUND else number[s.parent], _list_moves(s.joints, index)) for s in kept
@@ -228,7 +232,9 @@ def _compile_constraints(same: _Same) -> Closure:
             apart.append((first, second, item.distance))
         elif item.kind == "line":
             start = item.ends[0]
-            level += [(second, first, add(start.segment, _move(start, tip))) for tip in _find_across(item)]
+            # Two unit vectors across a line, (2, 3)
+            across = np.linalg.svd(np.array([item.direction]))[2][1:]
+            level += [(second, first, add(start.segment, _move(start, tip))) for tip in across]
         else:
             meeting.append((first, second))
         if item.kind == "weld":
@@ -251,19 +257,6 @@ def _compile_constraints(same: _Same) -> Closure:
 def _move(end: Marker, by: Array) -> tuple[Law, Law, Law]:
     x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(end.laws, by, strict=True))
     return x, y, z
-
-
-def _find_across(line: Constraint) -> Array:
-    """Two unit vectors across a line, (2, 3)."""
-    return np.linalg.svd(np.array([line.direction]))[2][1:]
-
-
-def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
-    needed = set(wanted)
-    for segment in reversed(model.segments):
-        if segment.name in needed:
-            needed.add(segment.parent)
-    return [s for s in model.segments if s.name in needed]
 
 
 def _list_marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:

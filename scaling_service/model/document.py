@@ -18,7 +18,7 @@ from scaling_service.core.errors import InputError, ModelRefused
 from scaling_service.model.body import BodyModel, Law, Segment
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
+    pass
 
 SCHEMA_VERSION = 1
 """Raised when a document written before can no longer be read by the code after."""
@@ -74,7 +74,17 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
     try:
         (model,) = models.validate_json(json.dumps([_convert_numbers(content)]))
     except ValidationError as error:
-        raise _explain_wrong_value(error, file) from None
+        first = error.errors(include_url=False, include_context=False)[0]
+        kind, place = first["type"], list(first["loc"][1:])
+        if kind == "missing" and isinstance(place[-1], int):
+            kind, place = "too few", place[:-1]
+        problem, remedy = {
+            "missing": ("missing key", "Add it"),
+            "unexpected_keyword_argument": ("unknown key", "Remove it or correct its spelling"),
+            "too few": ("the list is too short", "Add what is missing"),
+        }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
+        path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
+        raise InputError(problem, file=file, field=path or None, remedy=remedy) from None
     _check_names(model, file)
     return model
 
@@ -88,20 +98,6 @@ def _convert_numbers(value: Any) -> Any:
     if isinstance(value, str):
         return _INFINITE.get(value, value)
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
-
-
-def _explain_wrong_value(error: ValidationError, file: str | Path | None) -> InputError:
-    first = error.errors(include_url=False, include_context=False)[0]
-    kind, place = first["type"], list(first["loc"][1:])
-    if kind == "missing" and isinstance(place[-1], int):
-        kind, place = "too few", place[:-1]
-    problem, remedy = {
-        "missing": ("missing key", "Add it"),
-        "unexpected_keyword_argument": ("unknown key", "Remove it or correct its spelling"),
-        "too few": ("the list is too short", "Add what is missing"),
-    }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
-    path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
-    return InputError(problem, file=file, field=path or None, remedy=remedy)
 
 
 def _encode(value: object) -> Any:

@@ -58,7 +58,14 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
         return Law(tuple(terms)) + Law.constant(offset)
     if kind == "MultivariatePolynomialFunction":
         polynomial = library.MultivariatePolynomialFunction.safeDownCast(function)
-        return _read_multivariate(polynomial, coordinates)
+        # One term for each product of powers; the last coordinate's power grows first.
+        order = polynomial.getOrder()
+        powers = [e for e in product(range(order + 1), repeat=len(coordinates)) if sum(e) <= order]
+        law = Law()
+        for gain, exponents in zip(list_numbers(polynomial.getCoefficients()), powers, strict=True):
+            if gain:
+                law = law + _multiply_powers(gain, coordinates, exponents)
+        return law
     coordinate = coordinates[0]
     span = ranges.get(coordinate, (0.0, 0.0))
     if len(coordinates) > 1:
@@ -87,17 +94,6 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
 def read_number(thing: Any, name: str) -> float:
     """A property of an OpenSim object that is a number."""
     return float(import_opensim().PropertyHelper.getValueDouble(thing.getPropertyByName(name)))
-
-
-def _read_multivariate(polynomial: Any, coordinates: Sequence[str]) -> Law:
-    """One term for each product of powers; the last coordinate's power grows first."""
-    order = polynomial.getOrder()
-    powers = [e for e in product(range(order + 1), repeat=len(coordinates)) if sum(e) <= order]
-    law = Law()
-    for gain, exponents in zip(list_numbers(polynomial.getCoefficients()), powers, strict=True):
-        if gain:
-            law = law + _multiply_powers(gain, coordinates, exponents)
-    return law
 
 
 def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequence[int]) -> Law:

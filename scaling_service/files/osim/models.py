@@ -68,7 +68,24 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
                 file=request.get("file"),
                 remedy="Open the file in OpenSim itself to see where it hangs",
             ) from error
-    return _answer(done, request)
+    try:
+        answer: dict[str, Any] = json.loads(done.stdout)
+    except ValueError:
+        raise FileUnreadable(
+            f"OpenSim ended without an answer ({_describe_ending(done)})",
+            file=request.get("file"),
+            remedy="Open the file in OpenSim itself to see whether it is sound",
+        ) from None
+    problem = answer.get("error")
+    if problem is not None:
+        kind = _KINDS.get(problem["kind"], InputError)
+        raise kind(
+            problem["problem"],
+            file=problem["file"] or request.get("file"),
+            field=problem["field"],
+            remedy=problem["remedy"],
+        )
+    return answer
 
 
 def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
@@ -96,27 +113,6 @@ def _make_environment() -> dict[str, str]:
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",
     }
-
-
-def _answer(done: subprocess.CompletedProcess[str], request: Mapping[str, Any]) -> dict[str, Any]:
-    try:
-        answer: dict[str, Any] = json.loads(done.stdout)
-    except ValueError:
-        raise FileUnreadable(
-            f"OpenSim ended without an answer ({_describe_ending(done)})",
-            file=request.get("file"),
-            remedy="Open the file in OpenSim itself to see whether it is sound",
-        ) from None
-    problem = answer.get("error")
-    if problem is not None:
-        kind = _KINDS.get(problem["kind"], InputError)
-        raise kind(
-            problem["problem"],
-            file=problem["file"] or request.get("file"),
-            field=problem["field"],
-            remedy=problem["remedy"],
-        )
-    return answer
 
 
 def _describe_ending(done: subprocess.CompletedProcess[str]) -> str:

@@ -110,8 +110,14 @@ def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
         [muscle.getName(), number, *place_in_body(point.getParentFrame(), point.get_location())]
         for muscle, number, point in _list_fixed_points(osim)
     ]
+    # Scale factors of a surface, and its rotation and origin in its body, m
     meshes = [
-        [mesh.getFrame().findBaseFrame().getName(), mesh.get_mesh_file(), *_place_surface(mesh)]
+        [
+            mesh.getFrame().findBaseFrame().getName(),
+            mesh.get_mesh_file(),
+            list_numbers(mesh.get_scale_factors()),
+            *place_frame(mesh.getFrame()),
+        ]
         for component in osim.getComponentsList()
         if (mesh := import_opensim().Mesh.safeDownCast(component)) is not None
     ]
@@ -201,11 +207,6 @@ def place_in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
     """The body that a frame is fixed in, and a point of the frame in that body, (3,), m."""
     place = frame.findTransformInBaseFrame()
     return frame.findBaseFrame().getName(), list_numbers(place.shiftFrameStationToBase(at))
-
-
-def _place_surface(mesh: Any) -> tuple[list[float], list[list[float]], list[float]]:
-    """Scale factors of a surface, and its rotation and origin in its body, m."""
-    return list_numbers(mesh.get_scale_factors()), *place_frame(mesh.getFrame())
 
 
 def place_frame(frame: Any) -> tuple[list[list[float]], list[float]]:

@@ -154,15 +154,12 @@ def _list_copies(model: Any) -> set[str]:
     return {name_copy(body.getName(), joint) for joint, body in ends}
 
 
-def _list_custom_joints(model: Any) -> list[Any]:
-    cast = import_opensim().CustomJoint.safeDownCast
-    return [custom for joint in list_items(model.getJointSet()) if (custom := cast(joint)) is not None]
-
-
 def _list_oblique_translations(model: Any) -> list[tuple[str, int, float]]:
     """Custom joints' translations along axes that OpenSim does not scale component by component."""
     found = []
-    for joint in _list_custom_joints(model):
+    cast = import_opensim().CustomJoint.safeDownCast
+    customs = (cast(joint) for joint in list_items(model.getJointSet()))
+    for joint in (custom for custom in customs if custom is not None):
         for number in (3, 4, 5):
             axis = joint.getSpatialTransform().getTransformAxis(number)
             if is_pure(axis.getFunction()) or sorted(map(abs, list_numbers(axis.get_axis()))) == [

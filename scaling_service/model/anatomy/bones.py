@@ -14,7 +14,7 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.notes import Note
 from scaling_service.documents.subject import BoneName
 from scaling_service.model.anatomy.lengths import find_segment, list_chain
-from scaling_service.model.body import GROUND, BodyModel, Segment
+from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames, pose_neutral_markers
 
 BONES: tuple[str, ...] = get_args(BoneName)
@@ -38,7 +38,20 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
     a femur, the tree of the joints is looked at.
     Raises SubjectInvalid: there is no such segment, or it is named for two bones.
     """
-    _check_said(model, said)
+    for bone, segment in said.items():
+        if segment not in model.segment_names:
+            raise SubjectInvalid(
+                f"the model has no segment '{segment}'",
+                field=f"bone_bodies.{bone}",
+                remedy=f"Its segments are {', '.join(model.segment_names)}",
+            )
+        others = {other for other, name in said.items() if name == segment} - {bone}
+        if others and not {bone[:5], *(other[:5] for other in others)} <= {"talus", "calcn"}:
+            raise SubjectInvalid(
+                f"'{segment}' is named for {min(others)} as well",
+                field=f"bone_bodies.{bone}",
+                remedy="Name each segment for one bone; only talus and calcn may be one",
+            )
     named = {
         bone: name for bone in BONES if bone not in said and (name := find_body(model, bone)) is not None
     }
@@ -63,23 +76,6 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
         if pairs
     ]
     return replace(model, bones=tuple(stated.items())) if stated else model, tuple(notes)
-
-
-def _check_said(model: BodyModel, said: Mapping[str, str]) -> None:
-    for bone, segment in said.items():
-        if segment not in model.segment_names:
-            raise SubjectInvalid(
-                f"the model has no segment '{segment}'",
-                field=f"bone_bodies.{bone}",
-                remedy=f"Its segments are {', '.join(model.segment_names)}",
-            )
-        others = {other for other, name in said.items() if name == segment} - {bone}
-        if others and not {bone[:5], *(other[:5] for other in others)} <= {"talus", "calcn"}:
-            raise SubjectInvalid(
-                f"'{segment}' is named for {min(others)} as well",
-                field=f"bone_bodies.{bone}",
-                remedy="Name each segment for one bone; only talus and calcn may be one",
-            )
 
 
 def find_body(model: BodyModel, bone: str) -> str | None:
@@ -205,11 +201,7 @@ def _list_turning_places(model: BodyModel, names: Sequence[str]) -> Iterator[tup
     """The segments of a chain that turn against their parents, and where, (3,) m, in the neutral pose."""
     frames, values = pose_neutral_frames(model), list_model_values(model)
     for segment in map(model.segment, names):
-        first = _find_first_turn(segment)
+        turns = (k for k, j in enumerate(segment.joints) if j.turns)
+        first = next(turns, None)
         if first is not None:
             yield segment.name, follow(segment.joints[:first], values, frames[segment.parent])[1]
-
-
-def _find_first_turn(segment: Segment) -> int | None:
-    turns = (k for k, j in enumerate(segment.joints) if j.turns)
-    return next(turns, None)

@@ -307,7 +307,13 @@ def _construct_chord(
     outer = points.get(f"{side.upper()}{lateral}")
     start = found.get(f"{above}_{side}")
     width = sizes.widths.get(f"{joint}_{side}")
-    outward = _find_outward(points, found, joint, side, axes)
+    # Where a joint's lateral side is, (n_frames, 3): a knee's as the pelvis', an ankle's as the knee's.
+    if joint == "ankle" and f"knee_{side}" in found and f"{side.upper()}LFE" in points:
+        outward = np.asarray(points[f"{side.upper()}LFE"] - found[f"knee_{side}"].at)
+    elif axes is None:
+        outward = None
+    else:
+        outward = np.asarray(axes[:, :, 2] * (1.0 if side == "r" else -1.0))
     if outer is None or start is None or width is None or outward is None:
         return None
     plane, how = outer + outward, "across from the pelvis" if joint == "knee" else "across from the knee"
@@ -325,17 +331,6 @@ def lift_ankle(found: Array, knee: Array) -> Array:
     """The ankle's centre from where the chord construction finds it at the lateral malleolus' level."""
     along = knee - found
     return np.asarray(found + MALLEOLUS_DROP_M * along / np.linalg.norm(along, axis=1, keepdims=True))
-
-
-def _find_outward(
-    points: Points, found: Mapping[str, Centre], joint: str, side: str, axes: Array | None
-) -> Array | None:
-    """Where a joint's lateral side is, (n_frames, 3): a knee's as the pelvis', an ankle's as the knee's."""
-    if joint == "ankle" and f"knee_{side}" in found and f"{side.upper()}LFE" in points:
-        return np.asarray(points[f"{side.upper()}LFE"] - found[f"knee_{side}"].at)
-    if axes is None:
-        return None
-    return np.asarray(axes[:, :, 2] * (1.0 if side == "r" else -1.0))
 
 
 def _is_plane_marker(start: Array, lateral: Array, wand: Array, outward: Array) -> bool:

@@ -210,9 +210,22 @@ def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike =
     thigh = _build_thigh(points, letter, side)
     shank_at_ankle = _build_shank(points, letter, side, "LM")
     shank = _build_shank(points, letter, side, "KAX") or shank_at_ankle
-    foot = _find_foot(points, letter)
+    # From heel to toe, (n_frames, 3)
+    heel, toe = f"{letter}HEE", f"{letter}TOE"
+    if heel not in points or toe not in points:
+        foot = None
+    else:
+        foot = np.asarray(np.atleast_2d(points[toe]) - np.atleast_2d(points[heel]))
     if pelvis is not None:
-        found |= zip(PELVIS, _sign_pelvis_angles(pelvis, side, heading).T, strict=True)
+        rotation, right_down, backward = compute_pelvis_angles(pelvis).T
+        own = 1.0 if side == "r" else -1.0
+        found |= zip(
+            PELVIS,
+            np.column_stack(
+                [-backward, -own * right_down, own * _wrap_half_turn(rotation - np.asarray(heading))]
+            ).T,
+            strict=True,
+        )
     if pelvis is not None and thigh is not None:
         found |= zip(HIP, compute_hip_angles(pelvis, thigh, side).T, strict=True)
     if thigh is not None and shank is not None:
@@ -245,22 +258,6 @@ def _build_shank(points: Points, letter: str, side: Side, lateral: str) -> Frame
         return None
     knee, ankle, beside = (np.atleast_2d(points[name]) for name in names)
     return build_tibia_frame(knee, ankle, beside, ankle, side)
-
-
-def _find_foot(points: Points, letter: str) -> Array | None:
-    """From heel to toe, (n_frames, 3)."""
-    heel, toe = f"{letter}HEE", f"{letter}TOE"
-    if heel not in points or toe not in points:
-        return None
-    return np.asarray(np.atleast_2d(points[toe]) - np.atleast_2d(points[heel]))
-
-
-def _sign_pelvis_angles(pelvis: Frames, side: Side, heading: ArrayLike) -> Array:
-    rotation, right_down, backward = compute_pelvis_angles(pelvis).T
-    own = 1.0 if side == "r" else -1.0
-    return np.column_stack(
-        [-backward, -own * right_down, own * _wrap_half_turn(rotation - np.asarray(heading))]
-    )
 
 
 def _compute_ankle_angles(shank: Frames, foot: Array, side: Side) -> Array:

@@ -91,7 +91,12 @@ def _lump_segments(segment: Segment, part: Part, body: Neutral, planar: Neutral)
     start, end = (_place(body, name) for name in part.whole)
     new_start, new_end = (_place(planar, name) for name in part.planar)
     size = _measure_flat_length(new_end - new_start) / _measure_flat_length(end - start)
-    turn = _turn(end - start, new_end - new_start)
+    # Rotation about z that brings one direction onto another
+    old = end - start
+    new = new_end - new_start
+    angle = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     mass, com, tensor = _sum_inertias(body, part.pieces)
     at = new_start + size * turn @ (com - start)
     local = planar.local(segment.name, at)
@@ -114,13 +119,6 @@ def _place(neutral: Neutral, name: str) -> Array:
 
 def _measure_flat_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
-
-
-def _turn(old: Array, new: Array) -> Array:
-    """Rotation about z that brings one direction onto another."""
-    angle = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _sum_inertias(neutral: Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:

@@ -68,7 +68,29 @@ def list_knees(model: BodyModel) -> Iterator[Knee]:
     for segment in model.segments:
         parent, name = segment.parent.lower(), segment.name.lower()
         if parent.startswith(tuple(table["parents"])) and name.startswith(tuple(table["children"])):
-            turns = _list_turns(model, segment)
+            # Axis of the parent to the free coordinate that turns about it, and its sign
+            defaults = {c.name: c.default for c in model.coordinates} | {
+                p.name: p.value for p in model.parameters
+            }
+            reached, turns = np.eye(3), {}
+            for joint in segment.joints:
+                if joint.kind != "rotation":
+                    continue
+                direction: Array = reached @ np.array(joint.axis)
+                moving = [t for t in joint.law.terms if not t.is_constant]
+                if (
+                    len(moving) == 1
+                    and moving[0].coordinate
+                    and moving[0].shape is None
+                    and not moving[0].parameter
+                ):
+                    axis = int(np.argmax(np.abs(direction)))
+                    free = not model.coordinate(moving[0].coordinate).locked
+                    if abs(direction[axis]) >= _ALONG and free and abs(moving[0].gain) == 1.0:
+                        sign = float(np.sign(direction[axis]) * moving[0].gain)
+                        turns["xyz"[axis]] = (moving[0].coordinate, sign)
+                value = float(evaluate_law(joint.law, defaults))
+                reached = reached @ Rotation.from_rotvec(value * np.array(joint.axis)).as_matrix()
             if "z" in turns:
                 flexion, extends = turns["z"]
                 yield Knee(
@@ -151,26 +173,6 @@ def _of_flexion(coefficients: list[float], largest_deg: float, extends: float) -
         breaks, flexion = (0.0, largest), np.polynomial.Polynomial([0.0, np.degrees(1.0)])
     local = np.radians(polynomial(flexion).coef[::-1])
     return Shape(breaks, (tuple(local.tolist()),))
-
-
-def _list_turns(model: BodyModel, segment: Segment) -> dict[str, tuple[str, float]]:
-    """Axis of the parent to the free coordinate that turns about it, and its sign."""
-    defaults = {c.name: c.default for c in model.coordinates} | {p.name: p.value for p in model.parameters}
-    reached, found = np.eye(3), {}
-    for joint in segment.joints:
-        if joint.kind != "rotation":
-            continue
-        direction: Array = reached @ np.array(joint.axis)
-        moving = [t for t in joint.law.terms if not t.is_constant]
-        if len(moving) == 1 and moving[0].coordinate and moving[0].shape is None and not moving[0].parameter:
-            axis = int(np.argmax(np.abs(direction)))
-            free = not model.coordinate(moving[0].coordinate).locked
-            if abs(direction[axis]) >= _ALONG and free and abs(moving[0].gain) == 1.0:
-                sign = float(np.sign(direction[axis]) * moving[0].gain)
-                found["xyz"[axis]] = (moving[0].coordinate, sign)
-        value = float(evaluate_law(joint.law, defaults))
-        reached = reached @ Rotation.from_rotvec(value * np.array(joint.axis)).as_matrix()
-    return found
 
 
 @cache

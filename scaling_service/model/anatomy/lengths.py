@@ -155,7 +155,7 @@ def find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     joints = [joint for segment in chain for joint in segment.joints]
     _, centre = follow(joints[: _count_before_turn(chain)], values)
     _, end = follow(joints, values)
-    if np.linalg.norm(end - centre) > _WELDED_ON_M and not _is_turn(chain[-1]):
+    if np.linalg.norm(end - centre) > _WELDED_ON_M and not any(map(_is_driven, chain[-1].joints)):
         centre = end
     known = {chain[0].parent: centre}
     done = 0
@@ -176,10 +176,6 @@ def _count_before_turn(chain: list[Segment]) -> int:
     if True in driven[last:]:
         return driven.index(True, last)
     return driven.index(True) if True in driven else last
-
-
-def _is_turn(segment: Segment) -> bool:
-    return any(map(_is_driven, segment.joints))
 
 
 def _is_driven(joint: Joint) -> bool:

@@ -130,7 +130,14 @@ def compute_step(
     """
     border = linearise(problem, q, p, p0, damping.frames)
     trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, None)
-    pins = _find_crossing(problem, q, trial_q)
+    # The way to the bound for coordinates that a step carries past it, NaN for the others
+    free = problem.coordinates
+    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
+    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
+    if not beyond.any():
+        pins = None
+    else:
+        pins = np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
     if pins is not None:
         border = linearise(problem, q, p, p0, damping.frames, pins)
         trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
@@ -151,16 +158,6 @@ def _solve_step(
         trial_q[block.rows, problem.coordinates] += block.free_step - block.follow @ step
     promised = float(border.gains.sum() + 2.0 * border.slope @ step - step @ curvature @ step)
     return trial_q, trial_p, promised
-
-
-def _find_crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
-    """The way to the bound for coordinates that a step carries past it, NaN for the others."""
-    free = problem.coordinates
-    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
-    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
-    if not beyond.any():
-        return None
-    return np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
 
 
 def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:

@@ -114,7 +114,9 @@ def solve(
         trial_q, trial_cost, improved = _choose_better_frames(problem, q, trial_q, trial_p, p0)
         own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
         if trial_cost < cost:
-            shared = damping.parameters * _choose_easing((cost - trial_cost) / promised)
+            # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
+            kept = (cost - trial_cost) / promised
+            shared = damping.parameters * max(0.1, 1.0 - (2.0 * min(kept, 1.5) - 1.0) ** 3)
             q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
             if progress is not None:
                 progress(steps, cost)
@@ -171,11 +173,6 @@ def _choose_better_frames(
     improved: NDArray[np.bool_] = np.less_equal(moved, stayed)
     cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
     return np.where(improved[:, None], trial_q, q), cost, improved
-
-
-def _choose_easing(ratio: float) -> float:
-    """How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)."""
-    return max(0.1, 1.0 - (2.0 * min(ratio, 1.5) - 1.0) ** 3)
 
 
 def estimate_uncertainty(

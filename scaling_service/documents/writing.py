@@ -95,7 +95,8 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
     for target in targets:
         _refuse_in_the_way(target, folder)
     # Motions and bones of an earlier run belong to a model that is no longer there, a report to its numbers.
-    stale = [p for place in sorted({t.parent for t in targets} - {folder}) for p in _of_a_model(place)]
+    places = sorted({target.parent for target in targets} - {folder})
+    stale = [path for place in places for pattern in OF_A_MODEL for path in sorted(place.glob(pattern))]
     if folder / "comparison.json" in targets:
         stale += [path for path in (folder / REPORT,) if path.is_file()]
     replaced = list(dict.fromkeys([*stale, *(target for target in targets if target.exists())]))
@@ -118,10 +119,6 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
             if place.is_dir():
                 place.rmdir()
         raise
-
-
-def _of_a_model(place: Path) -> list[Path]:
-    return [path for pattern in OF_A_MODEL for path in sorted(place.glob(pattern))]
 
 
 def _refuse_in_the_way(target: Path, folder: Path) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.c3d_parameters import BLOCK, RATES_HZ, Facts, join_numbered, report_no_frame
 from scaling_service.model.trial import Repair
 
@@ -124,7 +124,21 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
     ]
     fitting = [entry for entry in scored if _count_held(entry[2], length) >= entry[2].frames]
     if not fitting:
-        raise _report_cut(scored, length, file)
+        if not scored:
+            raise FileUnreadable(
+                "the C3D file is damaged: nothing states what a frame holds",
+                file=file,
+                field="POINT:USED",
+                remedy="Copy or export it again",
+            )
+        layout = max(scored, key=lambda entry: entry[0])[2]
+        held = _count_held(layout, length)
+        raise FileUnreadable(
+            f"the file is cut off: {layout.frames} frames are stated, and it ends after {held}",
+            file=file,
+            field="POINT:FRAMES",
+            remedy="Copy or export it again",
+        )
     fitting.sort(key=lambda entry: entry[:2], reverse=True)
     best, *others = fitting
     # Lists of labels may be longer or shorter than the points; what rates disagree on is said with the rates.
@@ -196,26 +210,6 @@ def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout
         frames = {*values("frames"), *(n for n in long if n > 0)}
         for n in sorted(frames or {held}):
             yield replace(empty, frames=n)
-
-
-def _report_cut(
-    scored: Sequence[tuple[int, bool, Layout]], length: int, file: Path
-) -> FileUnreadable | TrialUnusable:
-    if not scored:
-        return FileUnreadable(
-            "the C3D file is damaged: nothing states what a frame holds",
-            file=file,
-            field="POINT:USED",
-            remedy="Copy or export it again",
-        )
-    layout = max(scored, key=lambda entry: entry[0])[2]
-    held = _count_held(layout, length)
-    return FileUnreadable(
-        f"the file is cut off: {layout.frames} frames are stated, and it ends after {held}",
-        file=file,
-        field="POINT:FRAMES",
-        remedy="Copy or export it again",
-    )
 
 
 # --- rates ---

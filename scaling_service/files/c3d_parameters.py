@@ -205,26 +205,21 @@ def _read_entry(content: bytes, at: int, end: int, processor: Processor) -> _Ent
     after = begin + count * abs(size)
     if after >= end:
         return None
-    value = _read_value(content, begin, size, shape, count, processor)
-    return _Entry(name=name, group=group, value=value, after=after + 1 + content[after], linked=linked)
-
-
-def _read_value(
-    content: bytes, at: int, size: int, shape: tuple[int, ...], count: int, processor: Processor
-) -> list[Any]:
+    value: list[Any]
     if not count:  # of an empty array's other lengths nothing would remain but lists, billions of them
-        return []
-    if size == -1:
+        value = []
+    elif size == -1:
         width = shape[0] if shape else 1
-        return [_decode_text(content[k : k + width]) for k in range(at, at + count, width)]
-    if size == 4:
-        values = processor.read_reals(content, at, count)
-    elif size == 2:
-        values = processor.read_words(content, at, count, signed=True)
+        value = [_decode_text(content[k : k + width]) for k in range(begin, begin + count, width)]
     else:
-        values = np.frombuffer(content, "i1", count, at)
-    plain: list[Any] = values.reshape(shape or (1,), order="F").tolist()
-    return plain
+        if size == 4:
+            numbers = processor.read_reals(content, begin, count)
+        elif size == 2:
+            numbers = processor.read_words(content, begin, count, signed=True)
+        else:
+            numbers = np.frombuffer(content, "i1", count, begin)
+        value = numbers.reshape(shape or (1,), order="F").tolist()
+    return _Entry(name=name, group=group, value=value, after=after + 1 + content[after], linked=linked)
 
 
 def _decode_text(content: bytes) -> str:

@@ -65,20 +65,19 @@ def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
             )
     fixed = {c.name: c.default for c in model.coordinates if c.locked}
     leading: set[str] = set()
-    return tuple(_make_limb(segment, fixed, leading) for segment in model.segments)
-
-
-def _make_limb(segment: Segment, fixed: Mapping[str, float], leading: set[str]) -> Limb:
-    axes: list[DrivenAxis] = []
-    frame = np.eye(4)
-    for joint in segment.joints:
-        terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
-        constant = sum(float(evaluate_law(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
-        frame = frame @ displace(joint, constant)
-        for term in terms:
-            axes.append(_find_axis(segment, joint, term, frame, len(axes), leading))
-            frame = np.eye(4)
-    return Limb(segment, tuple(axes), frame)
+    limbs = []
+    for segment in model.segments:
+        axes: list[DrivenAxis] = []
+        frame = np.eye(4)
+        for joint in segment.joints:
+            terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
+            constant = sum(float(evaluate_law(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
+            frame = frame @ displace(joint, constant)
+            for term in terms:
+                axes.append(_find_axis(segment, joint, term, frame, len(axes), leading))
+                frame = np.eye(4)
+        limbs.append(Limb(segment, tuple(axes), frame))
+    return tuple(limbs)
 
 
 def _find_axis(

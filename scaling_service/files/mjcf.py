@@ -88,7 +88,10 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
         given = {"name": marker.name, "pos": format_numbers(marker.nominal), "size": "0.005"}
         ET.SubElement(bodies[marker.segment], "site", given)
     _add_unmoving(bodies[GROUND], found, coordinates)
-    ties = _list_ties(found, coordinates, eased.helpers)
+    # Joints that follow another one, to that and the polynomial, lowest power first; leaders come first.
+    axes = [axis for limb in found for axis in limb.axes if not axis.leads]
+    followers = {a.name: (name := str(a.term.coordinate), _fit(a, coordinates[name])) for a in axes}
+    ties = {**eased.helpers, **followers}
     element = ET.SubElement(root, "equality")
     for follower, (leader, polynomial) in ties.items():
         tie = ET.SubElement(element, "joint", joint1=follower, joint2=leader)
@@ -100,7 +103,14 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
     if tendons is not None:
         of_all, of_muscles = add_muscles(root, bodies, tendons)
         said, each = [*said, *of_all], [*each, *of_muscles]
-    _add_start(root, coordinates, ties)
+    # A key frame with all coordinates at their default and what follows in its place
+    values = {name: own.default for name, own in coordinates.items()}
+    for follower, (leader, polynomial) in ties.items():
+        values[follower] = float(np.polynomial.polynomial.polyval(values[leader], polynomial))
+    world = root.find("worldbody")
+    assert world is not None
+    place = [values[str(joint.get("name"))] for joint in world.iter("joint")]
+    ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="default", qpos=format_numbers(place))
     if odd:
         said.append(f"inertias that no body has, which MuJoCo replaces by a sphere's: {', '.join(odd)}")
     ET.indent(root)
@@ -182,15 +192,6 @@ def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict
         ET.SubElement(body, "joint", given)
 
 
-def _list_ties(
-    found: tuple[Limb, ...], coordinates: dict[str, Coordinate], helpers: Mapping[str, tuple[str, Array]]
-) -> dict[str, tuple[str, Array]]:
-    """Joints that follow another one, to that and the polynomial, lowest power first; leaders come first."""
-    axes = [axis for limb in found for axis in limb.axes if not axis.leads]
-    followers = {a.name: (name := str(a.term.coordinate), _fit(a, coordinates[name])) for a in axes}
-    return {**helpers, **followers}
-
-
 def _sort_joints(ground: ET.Element, ties: Mapping[str, tuple[str, Array]], found: tuple[Limb, ...]) -> None:
     """Give joints that follow, and those that join the body to the ground, their classes."""
     root = {axis.name for limb in found if limb.segment.parent == GROUND for axis in limb.axes}
@@ -200,19 +201,6 @@ def _sort_joints(ground: ET.Element, ties: Mapping[str, tuple[str, Array]], foun
             joint.set("class", "following slide" if kind == "slide" else "following hinge")
         elif name in root:
             joint.set("class", "root")
-
-
-def _add_start(
-    root: ET.Element, coordinates: Mapping[str, Coordinate], ties: Mapping[str, tuple[str, Array]]
-) -> None:
-    """A key frame with all coordinates at their default and what follows in its place."""
-    values = {name: own.default for name, own in coordinates.items()}
-    for follower, (leader, polynomial) in ties.items():
-        values[follower] = float(np.polynomial.polynomial.polyval(values[leader], polynomial))
-    world = root.find("worldbody")
-    assert world is not None
-    place = [values[str(joint.get("name"))] for joint in world.iter("joint")]
-    ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="default", qpos=format_numbers(place))
 
 
 def _fit(axis: DrivenAxis, coordinate: Coordinate) -> Array:

@@ -96,12 +96,11 @@ def write_csv(tables: Mapping[str, ResultTable], folder: Path, about: About) -> 
         with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(table.columns)
-            writer.writerows([_format_csv(value) for value in row] for row in table.rows)
+            writer.writerows(
+                ["" if isinstance(value, float) and math.isnan(value) else value for value in row]
+                for row in table.rows
+            )
         _write_json(folder / f"{name}.json", describe_table(table, about))
-
-
-def _format_csv(value: Any) -> Any:
-    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else value
 
 
 def write_parquet(tables: Mapping[str, ResultTable], folder: Path, about: About) -> None:
@@ -147,7 +146,14 @@ def write_motion_bids(tables: Mapping[str, ResultTable], folder: Path, about: Ab
         values = np.array(table.rows, dtype=float)
         rows = (["n/a" if not math.isfinite(v) else f"{v:.10g}" for v in row[1:]] for row in values)
         _write_tsv(place / f"{stem}_motion.tsv", rows)
-        channels = [_describe_channel(column) for column in table.columns[1:]]
+        channels = []
+        for column in table.columns[1:]:
+            # A row of `channels.tsv`; a coordinate is the point that it moves.
+            name, _, end = column.rpartition("_")
+            moved = name.removesuffix("_sd")
+            kind = "MISC" if _SD in column else "JNTANG" if UNITS[end] == "deg" else "POS"
+            component = moved[-1] if kind == "POS" and moved[-1] in "xyz" else "n/a"
+            channels.append([name, component, kind, moved, UNITS[end]])
         head = ["name", "component", "type", "tracked_point", "units"]
         _write_tsv(place / f"{stem}_channels.tsv", [head, *channels])
         counts = {
@@ -167,15 +173,6 @@ def write_motion_bids(tables: Mapping[str, ResultTable], folder: Path, about: Ab
             **counts,
         }
         _write_json(place / f"{stem}_motion.json", sidecar)
-
-
-def _describe_channel(column: str) -> list[str]:
-    """A row of ``channels.tsv``; a coordinate is the point that it moves."""
-    name, _, end = column.rpartition("_")
-    coordinate = name.removesuffix("_sd")
-    kind = "MISC" if _SD in column else "JNTANG" if UNITS[end] == "deg" else "POS"
-    component = coordinate[-1] if kind == "POS" and coordinate[-1] in "xyz" else "n/a"
-    return [name, component, kind, coordinate, UNITS[end]]
 
 
 def _make_label(text: str) -> str:

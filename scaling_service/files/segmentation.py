@@ -79,7 +79,24 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
     """
     place = Path(path)
     if place.is_dir():
-        return _read_folder(place)
+        masks = sorted(file for file in place.iterdir() if file.name.lower().endswith(MAP_SUFFIXES))
+        meshes = sorted(file for file in place.iterdir() if file.suffix.lower() in READERS)
+        if meshes or not masks:
+            if not meshes:
+                raise FileUnreadable(
+                    "no surface and no mask is in it",
+                    file=place,
+                    remedy=f"Export one file a label: {', '.join((*READERS, *MAP_SUFFIXES))}",
+                )
+            return Segmentation(surfaces={file.stem: read_mesh(file) for file in meshes}, voxel=np.zeros(3))
+        surfaces: dict[str, Mesh] = {}
+        voxel = np.zeros(3)
+        for file in masks:
+            volume, affine, _ = _read_volume(file)
+            mask = (volume > 0).astype(np.uint8)
+            surfaces |= dict(_list_surfaces(mask, affine, {1: _strip(file)}))
+            voxel = np.maximum(voxel, _measure_voxel(affine))
+        return Segmentation(surfaces=surfaces, rightward=np.array([1.0, 0.0, 0.0]), voxel=voxel)
     volume, affine, own = _read_volume(place)
     names = own or _read_table(place) or TOTAL
     surfaces = dict(_list_surfaces(volume, affine, names))
@@ -94,27 +111,6 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
         rightward=np.array([1.0, 0.0, 0.0]),  # NIfTI's axes are right, anterior, superior
         voxel=_measure_voxel(affine),
     )
-
-
-def _read_folder(folder: Path) -> Segmentation:
-    masks = sorted(file for file in folder.iterdir() if file.name.lower().endswith(MAP_SUFFIXES))
-    meshes = sorted(file for file in folder.iterdir() if file.suffix.lower() in READERS)
-    if meshes or not masks:
-        if not meshes:
-            raise FileUnreadable(
-                "no surface and no mask is in it",
-                file=folder,
-                remedy=f"Export one file a label: {', '.join((*READERS, *MAP_SUFFIXES))}",
-            )
-        return Segmentation(surfaces={file.stem: read_mesh(file) for file in meshes}, voxel=np.zeros(3))
-    surfaces: dict[str, Mesh] = {}
-    voxel = np.zeros(3)
-    for file in masks:
-        volume, affine, _ = _read_volume(file)
-        mask = (volume > 0).astype(np.uint8)
-        surfaces |= dict(_list_surfaces(mask, affine, {1: _strip(file)}))
-        voxel = np.maximum(voxel, _measure_voxel(affine))
-    return Segmentation(surfaces=surfaces, rightward=np.array([1.0, 0.0, 0.0]), voxel=voxel)
 
 
 def describe_label_map(path: str | os.PathLike[str]) -> str:

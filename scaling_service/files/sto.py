@@ -98,7 +98,14 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     if not len(data):
         raise TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
     tables.check_times(data[:, 0], file, [number for number, _ in body])
-    degrees, ambiguous = _in_degrees(header)
+    stated = look_up(header, "indegrees")
+    word = (stated or "").strip().lower()
+    degrees = word in _TRUE if word in _TRUE or word in _FALSE else None
+    notes = []
+    if degrees is None:
+        said = "is absent" if stated is None else f"says '{stated[:20]}'"
+        detail = f"{said}: whether rotations are in degrees is ambiguous"
+        notes = [Repair(what="in_degrees", where="inDegrees", detail=detail)]
     counts = _check_counts(header, *data.shape)
     return Table(
         name=file.stem,
@@ -106,7 +113,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
         data=data,
         in_degrees=degrees,
         header=MappingProxyType(header),
-        repairs=(*repairs, *ambiguous, *counts, *cut, *row_repairs),
+        repairs=(*repairs, *notes, *counts, *cut, *row_repairs),
     )
 
 
@@ -156,21 +163,6 @@ def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
         )
     tables.refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
     return ("time", *cells[1:])
-
-
-def _in_degrees(header: Mapping[str, str]) -> tuple[bool | None, tuple[Repair, ...]]:
-    stated = look_up(header, "indegrees")
-    word = (stated or "").strip().lower()
-    if word in _TRUE or word in _FALSE:
-        return word in _TRUE, ()
-    said = "is absent" if stated is None else f"says '{stated[:20]}'"
-    return None, (
-        Repair(
-            what="in_degrees",
-            where="inDegrees",
-            detail=f"{said}: whether rotations are in degrees is ambiguous",
-        ),
-    )
 
 
 def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[Repair, ...]:

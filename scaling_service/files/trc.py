@@ -68,7 +68,14 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     times, positions, rate, clock = restore_clock(data[:, 1], positions, header.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
     labels, twice = tables.separate_duplicates(labels, positions)
-    counts = _check_counts(header, len(data))
+    counts = [
+        Repair(what="header", where=field, detail=f"the header says {stated}, the file holds {found}")
+        for field, stated, found in (
+            ("NumFrames", header.stated_frames, len(data)),
+            ("NumMarkers", header.stated_markers, len(header.columns)),
+        )
+        if _read_positive(stated) != found
+    ]
     return Recording(
         name=file.stem,
         times=times,
@@ -228,18 +235,6 @@ def _skip_axes(lines: list[tables.Line], start: int) -> tuple[int, tuple[Repair,
             Repair(what="header", where=f"line {k + 1}", detail="the blank line after the header is missing")
         )
     return k, tuple(repairs)
-
-
-def _check_counts(header: _Header, rows: int) -> tuple[Repair, ...]:
-    columns = len(header.columns)
-    return tuple(
-        Repair(what="header", where=field, detail=f"the header says {stated}, the file holds {found}")
-        for field, stated, found in (
-            ("NumFrames", header.stated_frames, rows),
-            ("NumMarkers", header.stated_markers, columns),
-        )
-        if _read_positive(stated) != found
-    )
 
 
 def _read_positive(text: str) -> float:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.model.body import BodyModel, Law, Segment
+from scaling_service.model.body import BodyModel, Law
 
 if TYPE_CHECKING:
     pass
@@ -134,8 +134,17 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
                 _must_exist(name, coordinates, "coordinate", where, file)
             _must_exist(term.parameter, parameters, "parameter", where, file)
 
+    segments = set(model.segment_names)
     for segment in model.segments:
-        _check_joints(segment, set(model.segment_names), file)
+        for joint in segment.joints:
+            _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
+            if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
+                raise ModelRefused(
+                    f"the axis {joint.axis} is not of length 1",
+                    file=file,
+                    field=segment.joint_name,
+                    remedy="Divide the axis by its length",
+                )
         for joint in segment.joints:
             check(joint.law, segment.joint_name)
     for marker in model.markers:
@@ -152,18 +161,6 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
     for expected in model.expectations:
         _must_exist(expected.coordinate, coordinates, "coordinate", "expectations", file)
         check(expected.law, expected.coordinate)
-
-
-def _check_joints(segment: Segment, segments: set[str], file: str | Path | None) -> None:
-    for joint in segment.joints:
-        _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
-        if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
-            raise ModelRefused(
-                f"the axis {joint.axis} is not of length 1",
-                file=file,
-                field=segment.joint_name,
-                remedy="Divide the axis by its length",
-            )
 
 
 def _must_exist(name: str | None, known: set[str], what: str, where: str, file: str | Path | None) -> None:

@@ -92,18 +92,16 @@ def find_turned_limbs(
         for lateral, medial in (*LEG_PAIRS, *FOOT_PAIRS, *ARM_PAIRS)
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
-    lines = {lateral: _find_rightward_line(places, lateral, medial) for lateral, medial in pairs}
+    lines = {}
+    for lateral, medial in pairs:
+        # From the inner to the outer landmark of a right limb, the other way of a left one
+        line: Array = places[lateral][1] - places[medial][1]
+        lines[lateral] = line if lateral[0] == "R" else -line
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
         facing = lateral[1:] in _LEGS or (lateral[1:], medial[1:]) in FOOT_PAIRS
         rightwards = _find_rightwards(places, others) if facing else None
         yield ((places[lateral][0], places[medial][0]), _find_wrong(lines[lateral], rightwards, trial.times))
-
-
-def _find_rightward_line(places: _Places, lateral: str, medial: str) -> Array:
-    """From the inner to the outer landmark of a right limb, the other way of a left one."""
-    line: Array = places[lateral][1] - places[medial][1]
-    return line if lateral[0] == "R" else -line
 
 
 def _normalise(vectors: Array) -> Array:
@@ -136,7 +134,8 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     seen = line[rows]
     outwards = np.full(len(rows), np.nan) if rightwards is None else _compute_cosines(seen, rightwards[rows])
     turned = np.cumsum(np.concatenate(([False], _find_jumps(seen, outwards, times[rows])))) % 2 == 1
-    inside = [_take_median(outwards[turned == part]) for part in (False, True)]
+    known = [outwards[(turned == part) & np.isfinite(outwards)] for part in (False, True)]
+    inside = [float(np.median(values)) if len(values) else float("nan") for values in known]
     if not turned.any():
         guilty = np.full(len(rows), inside[0] < -CLEAR)
     elif np.isfinite(inside).all():
@@ -153,12 +152,6 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
 def _compute_cosines(line: Array, rightwards: Array) -> Array:
     cosines: Array = np.einsum("fi,fi->f", _normalise(line), rightwards)
     return cosines
-
-
-def _take_median(values: Array) -> float:
-    """Median of what is known, NaN if nothing is."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else float("nan")
 
 
 def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:

@@ -190,7 +190,13 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     paths = paths[:, np.isfinite(paths).all(axis=2).mean(axis=0) > _SEEN]
     if frames < _LEAST[0] or paths.shape[1] < _LEAST[1]:
         return trial
-    hertz, power, of_place = _compute_spectrum(_without_gaps(paths), trial.rate_hz)
+    # Gaps of paths (n, m, 3) bridged by straight lines
+    at, filled = np.arange(len(paths)), paths.copy()
+    for k in np.flatnonzero(~np.isfinite(paths).all(axis=(0, 2))).tolist():
+        known = np.isfinite(paths[:, k]).all(axis=1)
+        for axis in range(3):
+            filled[:, k, axis] = np.interp(at, at[known], paths[known, k, axis])
+    hertz, power, of_place = _compute_spectrum(filled, trial.rate_hz)
     if not len(hertz):  # too few frames a second to show any shaking
         return trial
     beside, near = _average_beside(power), _average_beside(of_place)
@@ -222,16 +228,6 @@ def _average_beside(power: Array) -> Array:
         total, count = (ndimage.convolve1d(x, ring, mode="constant") for x in (power, np.ones(len(power))))
         sides.append(total / np.maximum(count, 1.0))
     return np.asarray(np.maximum(*sides)) + 1e-300
-
-
-def _without_gaps(paths: Array) -> Array:
-    """Gaps of paths (n, m, 3) bridged by straight lines."""
-    at, filled = np.arange(len(paths)), paths.copy()
-    for k in np.flatnonzero(~np.isfinite(paths).all(axis=(0, 2))).tolist():
-        known = np.isfinite(paths[:, k]).all(axis=1)
-        for axis in range(3):
-            filled[:, k, axis] = np.interp(at, at[known], paths[known, k, axis])
-    return filled
 
 
 def _compute_spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array]:

@@ -271,7 +271,16 @@ def _find_facing(positions: Array, where: Mapping[str, Array], up: Array) -> tup
         facing = _project_horizontally(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
         if facing is not None:
             return facing, f"square to right and left markers, {_describe_off_axis(facing)} off it"
-    way = _project_horizontally(_measure_displacement(positions), up)
+    # Last minus first seen position, mean over the markers seen over most of the trial
+    seen: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=-1)
+    n = len(positions)
+    first, last = seen.argmax(axis=0), n - 1 - seen[::-1].argmax(axis=0)
+    lasting = seen.any(axis=0) & (last - first >= n // 2)
+    displacement: Array | None = None
+    if n >= 2 and lasting.any():
+        columns = np.flatnonzero(lasting)
+        displacement = (positions[last[columns], columns] - positions[first[columns], columns]).mean(axis=0)
+    way = _project_horizontally(displacement, up)
     if way is not None and np.linalg.norm(way) >= WALKED_M:
         return way, f"displacement of {np.linalg.norm(way):.1f} m, {_describe_off_axis(way)} off it"
     return None, "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
@@ -283,19 +292,6 @@ def _project_horizontally(vector: Array | None, up: Array) -> Array | None:
         return None
     flat = vector - (vector @ up) * up
     return flat if np.linalg.norm(flat) > 1e-2 * max(float(np.linalg.norm(vector)), 1e-9) else None
-
-
-def _measure_displacement(positions: Array) -> Array | None:
-    """Last minus first seen position, mean over the markers seen over most of the trial."""
-    seen: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=-1)
-    n = len(positions)
-    first, last = seen.argmax(axis=0), n - 1 - seen[::-1].argmax(axis=0)
-    lasting = seen.any(axis=0) & (last - first >= n // 2)
-    if n < 2 or not lasting.any():
-        return None
-    columns = np.flatnonzero(lasting)
-    travel: Array = (positions[last[columns], columns] - positions[first[columns], columns]).mean(axis=0)
-    return travel
 
 
 def _snap_to_axis(vector: Array) -> Array:

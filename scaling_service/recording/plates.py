@@ -43,10 +43,35 @@ def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundFo
     if isinstance(recording, TrialUnusable):
         raise copy(recording)  # whoever catches it adds the file's path
     repairs = list(recording.repairs)
-    parts = [
-        _turn_to_laboratory(plate, name, recording.name, repairs)
-        for plate, name in zip(recording.plates, list_plate_names(len(recording.plates)), strict=True)
-    ]
+    parts = []
+    for plate, name in zip(recording.plates, list_plate_names(len(recording.plates)), strict=True):
+        # Force, moment about the laboratory's origin, middle and upward normal of one plate
+        force, moment = _KINDS[plate.kind](plate, False)
+        size = np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
+        inside = _share_inside(force, moment, size)
+        if inside < MOSTLY:
+            turned = _KINDS[plate.kind](plate, True)
+            if _share_inside(*turned, size) > inside:
+                force, moment = turned
+                inside = _share_inside(force, moment, size)
+                repairs.append(
+                    Repair(
+                        what="plate_origin",
+                        where=name,
+                        detail="ORIGIN was taken with the opposite sign: else pressure is off the plate",
+                    )
+                )
+        if inside < MOSTLY:
+            raise TrialUnusable(
+                f"the centre of pressure lies off {name} in {1 - inside:.0%} of its loaded samples",
+                file=recording.name,
+                field="FORCE_PLATFORM",
+                remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
+            )
+        R_lab_plate = find_plate_axes(plate.corners)
+        middle = plate.corners.mean(axis=0)
+        force, moment = force @ R_lab_plate.T, moment @ R_lab_plate.T
+        parts.append((force, moment + np.cross(middle, force), middle, -R_lab_plate[:, 2]))
     force, moment, middles, normals = (np.stack(list(x)) for x in zip(*parts, strict=True))
     return GroundForces(
         name=recording.name,
@@ -58,38 +83,6 @@ def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundFo
         normals=normals,
         repairs=tuple(repairs),
     )
-
-
-def _turn_to_laboratory(
-    plate: RawPlate, name: str, file: str, repairs: list[Repair]
-) -> tuple[Array, Array, Array, Array]:
-    """Force, moment about the laboratory's origin, middle and upward normal of one plate."""
-    force, moment = _KINDS[plate.kind](plate, False)
-    size = np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
-    inside = _share_inside(force, moment, size)
-    if inside < MOSTLY:
-        turned = _KINDS[plate.kind](plate, True)
-        if _share_inside(*turned, size) > inside:
-            force, moment = turned
-            inside = _share_inside(force, moment, size)
-            repairs.append(
-                Repair(
-                    what="plate_origin",
-                    where=name,
-                    detail="ORIGIN was taken with the opposite sign: else pressure is off the plate",
-                )
-            )
-    if inside < MOSTLY:
-        raise TrialUnusable(
-            f"the centre of pressure lies off {name} in {1 - inside:.0%} of its loaded samples",
-            file=file,
-            field="FORCE_PLATFORM",
-            remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
-        )
-    R_lab_plate = find_plate_axes(plate.corners)
-    middle = plate.corners.mean(axis=0)
-    force, moment = force @ R_lab_plate.T, moment @ R_lab_plate.T
-    return force, moment + np.cross(middle, force), middle, -R_lab_plate[:, 2]
 
 
 def find_plate_axes(corners: Array) -> Array:
@@ -193,9 +186,17 @@ def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | No
     if cutoff_hz is not None:
         whole, more = _filter(whole, own, cutoff_hz, forces)
         repairs += more
-    sampled = np.stack(
-        [_sample(own, whole[:, k], wanted, cutoff_hz is not None) for k in range(whole.shape[1])], axis=1
-    )
+    # Smooth values by a cubic spline in each run, others by straight lines
+    sampled = np.full((len(wanted), *whole.shape[1:]), np.nan)
+    for k in range(whole.shape[1]):
+        values = whole[:, k]
+        if cutoff_hz is None:
+            sampled[:, k] = _interpolate(own, values, wanted)
+            continue
+        for start, stop in find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
+            inside = _is_within(own[start:stop], wanted)
+            if stop - start > 1 and inside.any():
+                sampled[inside, k] = CubicSpline(own[start:stop], values[start:stop])(wanted[inside])
     outside = int(((wanted < own[0] - 1e-9) | (wanted > own[-1] + 1e-9)).sum())
     if outside:
         repairs.append(
@@ -253,18 +254,6 @@ def _filter(
     return result.values, notes + repair_each(
         np.any(result.unfiltered, axis=2), forces.plates, "not_smoothed", brief
     )
-
-
-def _sample(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
-    """Values (n, 7) at other times; smooth ones by a cubic spline in each run, others by straight lines."""
-    if not smooth:
-        return _interpolate(times, values, wanted)
-    result = np.full((len(wanted), values.shape[1]), np.nan)
-    for start, stop in find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
-        inside = _is_within(times[start:stop], wanted)
-        if stop - start > 1 and inside.any():
-            result[inside] = CubicSpline(times[start:stop], values[start:stop])(wanted[inside])
-    return result
 
 
 def _interpolate(times: Array, values: Array, wanted: Array) -> Array:

@@ -202,7 +202,11 @@ def _ask_sizes_of(
     rest = np.array([one.sd_m for one in found])[exact] / usual[exact]
     weights = np.linalg.solve(shared[np.ix_(exact, exact)] + np.diag(rest**2), np.ones(len(exact)))
     scale, sd = float(weights @ off[exact] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
-    prior = _describe_prior(stated)
+    if stated.height_m is None:
+        prior = "of unknown height, child or adult"
+    else:
+        kind = "by a child's or an adult's proportions" if stated.height_m < 1.5 else "by ANSUR II"
+        prior = f"of {stated.height_m:.2f} m, {kind}"
     doubt = float(np.hypot(sd, misstated))
     wrong = [
         k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)
@@ -245,10 +249,3 @@ def _ask_sizes_of(
 def _on_side(size: _Size, side: str) -> _Size:
     one, other = size.ends
     return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, at_most=size.at_most)
-
-
-def _describe_prior(stated: findings.Stated) -> str:
-    if stated.height_m is None:
-        return "of unknown height, child or adult"
-    kind = "by a child's or an adult's proportions" if stated.height_m < 1.5 else "by ANSUR II"
-    return f"of {stated.height_m:.2f} m, {kind}"

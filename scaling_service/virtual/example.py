@@ -135,10 +135,20 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
         if name in person.model.segment_names
     }
     found = make_virtual_bones(person, progress=progress)
-    bones = {
-        name: Bone(_reconstruct_surface(person, name, poses[name], vertices), faces)
-        for name, (vertices, faces) in found.meshes.items()
-    }
+    bones = {}
+    for name, (vertices, faces) in found.meshes.items():
+        # A bone's surface in the image, as reconstructed
+        pose = poses[name]
+        spread = 1e-3 * person.settings.image * SURFACE_MM / _MEAN_OF_NORMAL
+        # A smooth random field of vectors at points (n, 3), each component of SD 1: a sum of plane waves
+        # whose wave vectors are normal, so that the field's correlation falls with distance as a Gaussian
+        # does (random Fourier features; Rahimi and Recht 2007).
+        rng = stream(person.seed, "image", "surface", name)
+        waves = rng.normal(size=(3, 3, _WAVES)) / SURFACE_LENGTH_M
+        phases = rng.uniform(0.0, 2.0 * np.pi, (3, _WAVES))
+        field = [np.cos(vertices @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
+        away = np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field))
+        bones[name] = Bone(_place_points(pose, vertices + spread * away), faces)
     knees = {knee: compute_axis(tilt) for knee, tilt in person.tilts.items()}
     return VirtualImage(
         bones=bones,
@@ -184,19 +194,6 @@ def _place_markers(
             error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
             found[marker.name] = (marker.segment, body.to_vector(at + error))
     return found
-
-
-def _reconstruct_surface(person: VirtualSubject, bone: str, pose: ImagePose, vertices: Array) -> Array:
-    """A bone's surface in the image, as reconstructed."""
-    spread = 1e-3 * person.settings.image * SURFACE_MM / _MEAN_OF_NORMAL
-    # A smooth random field of vectors at points (n, 3), each component of SD 1. A sum of plane waves whose
-    # wave vectors are normal, so that the field's correlation falls with distance as a Gaussian does (random
-    # Fourier features; Rahimi and Recht 2007).
-    rng = stream(person.seed, "image", "surface", bone)
-    waves = rng.normal(size=(3, 3, _WAVES)) / SURFACE_LENGTH_M
-    phases = rng.uniform(0.0, 2.0 * np.pi, (3, _WAVES))
-    field = [np.cos(vertices @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
-    return _place_points(pose, vertices + spread * np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,17 +260,13 @@ def make_hidden_session(
     gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
     moved = glide_marker(person.model.marker(name), {driver: body.to_vector(gains)})
     sliding = person.model.with_markers(tuple(moved if m.name == name else m for m in person.model.markers))
-    trials = {
-        name: _swap_labels(_slide_marker(trial, person, sliding)) for name, trial in person.trials.items()
-    }
+    trials = {}
+    for name, trial in person.trials.items():
+        # The recording with the marker where its skin took it; noise and gaps stay.
+        q, names = person.motions[trial.name], trial.labels
+        away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
+        trials[name] = _swap_labels(replace(trial, markers=trial.markers + away))
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
-
-
-def _slide_marker(trial: Trial, person: VirtualSubject, sliding: body.BodyModel) -> Trial:
-    """The recording with the marker where its skin took it; noise and gaps stay."""
-    q, names = person.motions[trial.name], trial.labels
-    away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
-    return replace(trial, markers=trial.markers + away)
 
 
 def _place_marker(model: body.BodyModel, names: tuple[str, ...], q: Array) -> Array:
@@ -334,19 +327,16 @@ def write_example(
             (folder / f"{segment}.stl").write_bytes(
                 bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
             )
-        _write_markers(folder / IMAGE_MARKERS, image.markers)
+        file = folder / IMAGE_MARKERS
+        with file.open("w", encoding="utf-8", newline="") as stream:
+            rows = csv.writer(stream)
+            rows.writerow(COLUMNS)
+            for marker, (segment, at) in image.markers.items():
+                rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
         document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
         document["image_markers"] = IMAGE_MARKERS
     (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
     return document
-
-
-def _write_markers(file: Path, markers: Mapping[str, tuple[str, body.Vector]]) -> None:
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(COLUMNS)
-        for marker, (segment, at) in markers.items():
-            rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
 
 
 if __name__ == "__main__":

@@ -94,19 +94,19 @@ def draw_style(rng: np.random.Generator, sex: Literal["F", "M"]) -> Style:
     for name, curve in read_gait_curves().items():
         gains[name] = float(np.clip(rng.normal(1.0, _GAIN_SD), 0.7, 1.3))
         offsets[name] = float(np.clip(rng.normal(), -2.0, 2.0) * curve.sd)
-    offsets["hip_flexion"] = _find_hip_offset(offsets["pelvis_anterior_tilt"], offsets["hip_flexion"])
+    # A hip offset (deg) that keeps the legs below a tilted pelvis, its spread between persons unchanged
+    tilt = offsets["pelvis_anterior_tilt"]
+    own = offsets["hip_flexion"]
+    across = read_gait_curves()["hip_flexion"].sd
+    offsets["hip_flexion"] = float(
+        tilt + own * np.sqrt(1.0 - (read_gait_curves()["pelvis_anterior_tilt"].sd / across) ** 2)
+    )
     swing = gains["knee_flexion"] * read_gait_curves()["knee_flexion"].at(np.linspace(0.0, 1.0, 101))
     straight = -read_gait_curves()["knee_flexion"].mean - float(swing.min())
     offsets["knee_flexion"] = max(offsets["knee_flexion"], straight)
     tilt = read_gait_curves()["pelvis_anterior_tilt"].mean + offsets["pelvis_anterior_tilt"]
     stance = _find_standing_pose(tilt, rng)
     return Style(float(rng.uniform(*STRIDE_S[sex])), offsets, gains, stance)
-
-
-def _find_hip_offset(tilt: float, own: float) -> float:
-    """A hip offset (deg) that keeps the legs below a tilted pelvis, its spread between persons unchanged."""
-    across = read_gait_curves()["hip_flexion"].sd
-    return float(tilt + own * np.sqrt(1.0 - (read_gait_curves()["pelvis_anterior_tilt"].sd / across) ** 2))
 
 
 def _find_standing_pose(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
@@ -203,7 +203,13 @@ def simulate_walking(
         degrees = own + style.gains[name] * curve.at(phase + later)
         angles[coordinate] = np.radians(sign * degrees + draw_wandering(rng, times, _WALK_DEG, _SWAY_HZ))
     _forbid_backward_knee(angles)
-    _keep_apart(model, angles)
+    # Abduct both hips where a person's drawn angles would make the feet cross
+    ankles = _find_ankles(model, _simulate_coordinates(model, angles))
+    apart = float((ankles["r"] - ankles["l"])[:, 2].mean())
+    reach = -float((ankles["r"] + ankles["l"])[:, 1].mean()) / 2.0
+    for side in OTHER if apart < _FEET_APART_M else ():
+        name = f"hip_adduction_{side}"
+        angles[name] = angles[name] - (_FEET_APART_M - apart) / (2.0 * reach)
     q = _simulate_coordinates(model, angles)
     ankles = _find_ankles(model, q)
     planted = {"r": _find_planted(phase), "l": _find_planted(phase + 0.5)}
@@ -215,16 +221,6 @@ def simulate_walking(
     q[:, y] = ANKLE_HEIGHT * stature_m + rise - heights.mean()
     q[:, z] = _SWAY_M * np.sin(2.0 * np.pi * (phase - _LOWEST))  # over the right foot in its single support
     return q
-
-
-def _keep_apart(model: BodyModel, angles: dict[str, Array]) -> None:
-    """Abduct both hips where a person's drawn angles would make the feet cross."""
-    ankles = _find_ankles(model, _simulate_coordinates(model, angles))
-    apart = float((ankles["r"] - ankles["l"])[:, 2].mean())
-    reach = -float((ankles["r"] + ankles["l"])[:, 1].mean()) / 2.0
-    for side in OTHER if apart < _FEET_APART_M else ():
-        name = f"hip_adduction_{side}"
-        angles[name] = angles[name] - (_FEET_APART_M - apart) / (2.0 * reach)
 
 
 def _forbid_backward_knee(angles: dict[str, Array]) -> None:

@@ -67,18 +67,16 @@ def record_on_plates(
     wrench, _ = compute_root_wrench(
         compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
     )
-    feet = [_find_middle(names, markers, side) for side in "RL"]
+    feet = []
+    for side in "RL":
+        # Of a foot, on the ground, (3,)
+        heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
+        feet.append(np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])]))
     plates = _share_wrench(wrench.T, *feet)
     seen = markers + rng.normal(0.0, noise_m, markers.shape)
     return Recorded(
         model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, plates
     )
-
-
-def _find_middle(names: tuple[str, ...], markers: Array, side: str) -> Array:
-    """Of a foot, on the ground, (3,)."""
-    heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
-    return np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])])
 
 
 def _share_wrench(wrench: Array, right: Array, left: Array) -> tuple[Array, Array]:

@@ -189,7 +189,27 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     style = motion.draw_style(stream(seed, "style"), sex)
     motions = _simulate_motions(seed, model, style, height, settings)
     skin = draw_artefact(seed, model, style.stance, settings.artefact)
-    trials = {name: _record_trial(seed, name, model, skin, q, settings) for name, q in motions.items()}
+    trials = {}
+    for name, q in motions.items():
+        labels = tuple(m.name for m in model.markers if m.weight > 0.0)
+        times = np.arange(len(q)) / settings.rate_hz
+        moving = with_artefact(model, skin)
+        markers = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
+        still = name == "static"
+        noise = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
+        markers = markers + noise * stream(seed, "camera", name).normal(size=markers.shape)
+        if not still:
+            for k, label in enumerate(labels):
+                markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
+                # Whether a marker is hidden in each frame, never in the first or last.
+                rng = stream(seed, "gaps", name, label)
+                hidden = np.zeros(len(times), dtype=bool)
+                for _ in range(rng.poisson(settings.gaps * GAPS_PER_S * times[-1])):
+                    start = rng.uniform(0.0, times[-1])
+                    hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
+                hidden[[0, -1]] = False
+                markers[hidden, k] = np.nan
+        trials[name] = Trial(name=name, times=times, labels=labels, markers=markers, rate_hz=settings.rate_hz)
     return VirtualSubject(
         seed=seed,
         settings=settings,
@@ -275,27 +295,3 @@ def _simulate_motions(
             model, style, times, stream(seed, "motion", "gait", k), height
         )
     return found
-
-
-def _record_trial(
-    seed: int, name: str, model: body.BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
-) -> Trial:
-    labels = tuple(m.name for m in model.markers if m.weight > 0.0)
-    times = np.arange(len(q)) / settings.rate_hz
-    moving = with_artefact(model, skin)
-    markers = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
-    still = name == "static"
-    spread = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
-    markers = markers + spread * stream(seed, "camera", name).normal(size=markers.shape)
-    if not still:
-        for k, label in enumerate(labels):
-            markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
-            # Whether a marker is hidden in each frame, never in the first or last.
-            rng = stream(seed, "gaps", name, label)
-            hidden = np.zeros(len(times), dtype=bool)
-            for _ in range(rng.poisson(settings.gaps * GAPS_PER_S * times[-1])):
-                start = rng.uniform(0.0, times[-1])
-                hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
-            hidden[[0, -1]] = False
-            markers[hidden, k] = np.nan
-    return Trial(name=name, times=times, labels=labels, markers=markers, rate_hz=settings.rate_hz)

@@ -14,7 +14,7 @@ from scaling_service.files.osim.chains import read_frame
 from scaling_service.files.osim.functions import Range, list_strings, read_law, read_number
 from scaling_service.files.osim.joints import NotPolynomial, substitute
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
-from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, Vector, to_vector
+from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, to_vector
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
 _BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))
@@ -66,7 +66,13 @@ def read_constraint(constraint: Any) -> Constraint:
     library = import_opensim()
     if kind == "WeldConstraint":
         weld = library.WeldConstraint.safeDownCast(constraint)
-        places = [_find_in_body(frame, name) for frame in (weld.getFrame1(), weld.getFrame2())]
+        places = []
+        for frame in (weld.getFrame1(), weld.getFrame2()):
+            # The body under a frame, where the frame is in it and how it is turned (a rotation vector)
+            body, _ = read_frame(frame, name)
+            place = frame.findTransformInBaseFrame()
+            turn = convert_rotation_to_vector([[place.R().get(i, j) for j in range(3)] for i in range(3)])
+            places.append((body, to_vector(list_numbers(place.p())), to_vector(turn)))
         ends = tuple(Marker.at(name, body, shift) for body, shift, _ in places)
         return Constraint(name=name, kind="weld", ends=ends, turns=(places[0][2], places[1][2]))
     if kind not in POINTS:
@@ -99,14 +105,6 @@ def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:
 def _read_end(name: str, frame: Any, location: Any) -> Marker:
     place = frame.findTransformInBaseFrame().shiftFrameStationToBase(location)
     return Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(place)))
-
-
-def _find_in_body(frame: Any, component: str) -> tuple[str, Vector, Vector]:
-    """The body under a frame, where the frame is in it and how it is turned (a rotation vector)."""
-    body, _ = read_frame(frame, component)
-    place = frame.findTransformInBaseFrame()
-    turn = convert_rotation_to_vector([[place.R().get(i, j) for j in range(3)] for i in range(3)])
-    return body, to_vector(list_numbers(place.p())), to_vector(turn)
 
 
 def resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:

@@ -92,12 +92,25 @@ def read_body_model(model: Any) -> BodyModel:
     coordinates = [
         _read_coordinate(c) for c in list_items(model.getCoordinateSet()) if c.getName() not in direct
     ]
+    couplers = []
+    for c in follows.values():
+        # What OpenSim counts a coordinate as, which decides its unit in motion files
+        kind = int(model.getCoordinateSet().get(c.dependent).getMotionType())
+        couplers.append(replace(c, kind="rotation" if kind == _ROTATIONAL else "translation"))
+    markers = []
+    for marker in list_items(model.getMarkerSet()):
+        frame = marker.getParentFrame()
+        in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
+        body = frame.findBaseFrame().getName()
+        markers.append(
+            Marker.at(marker.getName(), body, to_vector(list_numbers(in_body)), anatomical=marker.get_fixed())
+        )
     return BodyModel(
         name=model.getName(),
         segments=driven,
         coordinates=tuple(coordinates),
-        markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
-        couplers=tuple(replace(c, kind=_find_kind(model, c.dependent)) for c in follows.values()),
+        markers=tuple(markers),
+        couplers=tuple(couplers),
         constraints=bound,
         notes=tuple(_list_notes(model, bound)),
     )
@@ -118,12 +131,6 @@ def _list_notes(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
     if followed:
         names = ", ".join(item.name for item in followed)
         yield f"motions obey the model's constraints ({names}); joint moments leave out their forces"
-
-
-def _find_kind(model: Any, coordinate: str) -> Literal["rotation", "translation"]:
-    """What OpenSim counts a coordinate as, which decides its unit in motion files."""
-    kind = int(model.getCoordinateSet().get(coordinate).getMotionType())
-    return "rotation" if kind == _ROTATIONAL else "translation"
 
 
 def _read_coordinate(coordinate: Any) -> Coordinate:
@@ -148,13 +155,6 @@ def _find_prescribed(coordinate: Any) -> float | None:
         return None
     constant = import_opensim().Constant.safeDownCast(coordinate.get_prescribed_function())
     return None if constant is None else float(constant.getValue())
-
-
-def _read_marker(marker: Any) -> Marker:
-    frame = marker.getParentFrame()
-    in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
-    body = frame.findBaseFrame().getName()
-    return Marker.at(marker.getName(), body, to_vector(list_numbers(in_body)), anatomical=marker.get_fixed())
 
 
 class _Link(NamedTuple):
@@ -184,22 +184,19 @@ def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent:
 
     So Simbody's function-based mobilizer moves.
     """
-    axes = _read_axes(joint, ranges)
-    moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
-    return sorted(moves, key=lambda move: move.kind == "rotation")
-
-
-def _read_axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:
     kind, name = joint.getConcreteClassName(), joint.getName()
     if kind == "CustomJoint":
         transform = import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
-        return [_read_custom_axis(transform.getTransformAxis(k), k >= 3, ranges, name) for k in range(6)]
-    if kind not in _FIXED_JOINTS:
+        axes = [_read_custom_axis(transform.getTransformAxis(k), k >= 3, ranges, name) for k in range(6)]
+    elif kind in _FIXED_JOINTS:
+        axes = [
+            (what, axis, Law.of(joint.get_coordinates(k).getName()), False)
+            for k, (what, axis) in enumerate(_FIXED_JOINTS[kind])
+        ]
+    else:
         raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
-    return [
-        (what, axis, Law.of(joint.get_coordinates(k).getName()), False)
-        for k, (what, axis) in enumerate(_FIXED_JOINTS[kind])
-    ]
+    moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
+    return sorted(moves, key=lambda move: move.kind == "rotation")
 
 
 def _read_custom_axis(axis: Any, translates: bool, ranges: Mapping[str, Range], joint: str) -> Axis:

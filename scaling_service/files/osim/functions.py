@@ -12,7 +12,7 @@ import numpy as np
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.joints import EXACT, REACH, NotPolynomial, fit_piecewise, merge_shapes
 from scaling_service.files.osim.library import import_opensim, list_numbers
-from scaling_service.model.body import Law, Shape, Surface, Term
+from scaling_service.model.body import Law, Surface, Term
 from scaling_service.model.compile import evaluate_shape
 
 Range = tuple[float, float]
@@ -76,7 +76,14 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
         )
     if kind == "PolynomialFunction":
         polynomial = library.PolynomialFunction.safeDownCast(function)
-        return _read_polynomial(polynomial, coordinate, span, component)
+        coefficients = list_numbers(polynomial.getCoefficients())
+        while len(coefficients) > 1 and not coefficients[0]:
+            coefficients.pop(0)
+        if len(coefficients) <= 2:
+            slope, offset = [0.0, *coefficients][-2:]
+            return Law.of(coordinate, slope, offset) if slope else Law.constant(offset)
+        lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
+        return _fit_law(polynomial, [lower, upper], len(coefficients) - 1, coordinate, component)
     if kind in _SPLINE_DEGREE:
         spline = getattr(library, kind).safeDownCast(function)
         return _read_spline(spline, _SPLINE_DEGREE[kind](spline), coordinate, component)
@@ -103,17 +110,6 @@ def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequenc
     if list(used.values()) == [1]:
         return Law((Term(gain, coordinate=next(iter(used))),))
     return Law((Term(gain, surface=Surface("powers", tuple(used), tuple(map(float, used.values())))),))
-
-
-def _read_polynomial(function: Any, coordinate: str, span: Range, component: str) -> Law:
-    coefficients = list_numbers(function.getCoefficients())
-    while len(coefficients) > 1 and not coefficients[0]:
-        coefficients.pop(0)
-    if len(coefficients) <= 2:
-        slope, offset = [0.0, *coefficients][-2:]
-        return Law.of(coordinate, slope, offset) if slope else Law.constant(offset)
-    lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
-    return _fit_law(function, [lower, upper], len(coefficients) - 1, coordinate, component)
 
 
 def _is_range(span: Range) -> bool:
@@ -169,7 +165,18 @@ def make_function(law: Law) -> Any:
         slope = sum(t.gain for t in law.terms if t.coordinate is not None)
         return library.LinearFunction(slope, law.constant_part)
     shape = merge_shapes(law)
-    single = _find_single_polynomial(shape)
+    # Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)
+    middle = len(shape.coefficients) // 2
+    local = np.poly1d(shape.coefficients[middle])
+    breaks = np.array(shape.breaks)
+    between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
+    there = evaluate_shape(shape, between)
+    size = max(1e-3, float(np.abs(there).max()))
+    if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
+        single: list[float] | None = None
+    else:
+        moved = local(np.poly1d([1.0, -breaks[middle]]))
+        single = [float(c) for c in np.atleast_1d(moved.coeffs)]
     if single is not None:
         coefficients = library.Vector(len(single), 0.0)
         for k, value in enumerate(single):
@@ -180,17 +187,3 @@ def make_function(law: Law) -> Any:
     for x, y in zip(shape.breaks, evaluate_shape(shape, np.array(shape.breaks)).tolist(), strict=True):
         spline.addPoint(x, y)
     return spline
-
-
-def _find_single_polynomial(shape: Shape) -> list[float] | None:
-    """Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)."""
-    middle = len(shape.coefficients) // 2
-    local = np.poly1d(shape.coefficients[middle])
-    breaks = np.array(shape.breaks)
-    between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
-    there = evaluate_shape(shape, between)
-    size = max(1e-3, float(np.abs(there).max()))
-    if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
-        return None
-    moved = local(np.poly1d([1.0, -breaks[middle]]))
-    return [float(c) for c in np.atleast_1d(moved.coeffs)]

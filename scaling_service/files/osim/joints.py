@@ -326,7 +326,23 @@ def _list_three_axes(segment: Segment, chosen: Sequence[tuple[Array, Law]], what
     for k, a in enumerate(directions):
         if any(np.linalg.norm(np.cross(a, b)) < _COLLINEAR for b in directions[:k]):
             raise _refuse_joint(segment, f"has two {what} axes that are parallel")
-    driven = [Axis(axis, _find_coordinate(segment, law), law) for axis, law in chosen]
+    driven = []
+    for axis, law in chosen:
+        # The only coordinate that drives an axis
+        if any(t.parameter is not None for t in law.terms):
+            raise _refuse_joint(segment, "depends on a free parameter", "Fold the parameters in first")
+        if any(t.surface is not None for t in law.terms):
+            raise _refuse_joint(
+                segment,
+                "glides on a surface",
+                "Write it with the file that the model was made from as its source",
+            )
+        names = sorted(law.coordinates)
+        if len(names) > 1:
+            raise _refuse_joint(
+                segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis"
+            )
+        driven.append(Axis(axis, names[0], law))
     return driven + [Axis(direction) for direction in _complete_directions(directions)]
 
 
@@ -340,19 +356,3 @@ def _complete_directions(axes: Sequence[Array]) -> list[Array]:
     third = np.cross(axes[0], second)
     third /= np.linalg.norm(third)
     return [third] if len(axes) == 2 else [np.cross(third, axes[0]), third]
-
-
-def _find_coordinate(segment: Segment, law: Law) -> str:
-    """The only coordinate that drives an axis."""
-    if any(t.parameter is not None for t in law.terms):
-        raise _refuse_joint(segment, "depends on a free parameter", "Fold the parameters in first")
-    if any(t.surface is not None for t in law.terms):
-        raise _refuse_joint(
-            segment,
-            "glides on a surface",
-            "Write it with the file that the model was made from as its source",
-        )
-    names = sorted(law.coordinates)
-    if len(names) > 1:
-        raise _refuse_joint(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")
-    return names[0]

@@ -60,7 +60,32 @@ def load(path: Path, marker_set: str | None = None) -> Any:
             remedy="Open and save it in OpenSim",
         ) from error
     if marker_set is not None:
-        _add_markers(model, Path(marker_set))
+        # As OpenSim's scale tool: markers of the set replace those of the same name, others are added.
+        path = Path(marker_set)
+        if not path.is_file():
+            raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
+        library = import_opensim()
+        try:
+            markers = library.MarkerSet(str(path))
+        except RuntimeError as error:
+            raise FileUnreadable(
+                f"OpenSim cannot read this marker set ({shorten_message(error)})",
+                file=path,
+                remedy="It must be an OpenSim MarkerSet file",
+            ) from error
+        if not markers.getSize():
+            raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
+        for marker in list_items(markers):
+            frame = marker.getParentFrameName()
+            if not model.hasComponent(frame):
+                raise ModelRefused(
+                    f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
+                    file=path,
+                    field=marker.getName(),
+                    remedy="Put it on one of the model's bodies",
+                )
+        model.updateMarkerSet(markers)
+        model.finalizeConnections()
     return model
 
 
@@ -143,34 +168,6 @@ def put_back(text: str, path: Path) -> str:
         else:
             text = text[: place.end()] + lines + text[place.end() :]
     return text
-
-
-def _add_markers(model: Any, path: Path) -> None:
-    """As OpenSim's scale tool: markers of the set replace those of the same name, others are added."""
-    if not path.is_file():
-        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    library = import_opensim()
-    try:
-        markers = library.MarkerSet(str(path))
-    except RuntimeError as error:
-        raise FileUnreadable(
-            f"OpenSim cannot read this marker set ({shorten_message(error)})",
-            file=path,
-            remedy="It must be an OpenSim MarkerSet file",
-        ) from error
-    if not markers.getSize():
-        raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
-    for marker in list_items(markers):
-        frame = marker.getParentFrameName()
-        if not model.hasComponent(frame):
-            raise ModelRefused(
-                f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
-                file=path,
-                field=marker.getName(),
-                remedy="Put it on one of the model's bodies",
-            )
-    model.updateMarkerSet(markers)
-    model.finalizeConnections()
 
 
 def list_items(collection: Any) -> list[Any]:

@@ -71,8 +71,13 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
     try:
         answer: dict[str, Any] = json.loads(done.stdout)
     except ValueError:
+        if done.returncode < 0:
+            ending = signal.Signals(-done.returncode).name
+        else:
+            lines = done.stderr.strip().splitlines()
+            ending = f"exit {done.returncode}: {lines[-1]}" if lines else f"exit {done.returncode}"
         raise FileUnreadable(
-            f"OpenSim ended without an answer ({_describe_ending(done)})",
+            f"OpenSim ended without an answer ({ending})",
             file=request.get("file"),
             remedy="Open the file in OpenSim itself to see whether it is sound",
         ) from None
@@ -113,13 +118,6 @@ def _make_environment() -> dict[str, str]:
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",
     }
-
-
-def _describe_ending(done: subprocess.CompletedProcess[str]) -> str:
-    if done.returncode < 0:
-        return signal.Signals(-done.returncode).name
-    lines = done.stderr.strip().splitlines()
-    return f"exit {done.returncode}: {lines[-1]}" if lines else f"exit {done.returncode}"
 
 
 def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:

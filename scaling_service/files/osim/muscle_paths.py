@@ -73,7 +73,15 @@ class Posed:
             coordinate.set_prescribed(False)
         self.osim, self.state = osim, osim.initSystem()
         self._q = [(osim.getCoordinateSet().get(name), values) for name, values in q.items()]
-        self.rows = {name: _find_row(osim.getCoordinateSet().get(name), self.state) for name in q}
+        rows = {}
+        for name in q:
+            # Where a coordinate's speed stands in the state
+            coordinate = osim.getCoordinateSet().get(name)
+            coordinate.setSpeedValue(self.state, 1.0)
+            (row,) = np.flatnonzero(self.state.getU().to_numpy())
+            coordinate.setSpeedValue(self.state, 0.0)
+            rows[name] = int(row)
+        self.rows = rows
         self.freedoms = self.state.getNU()
         self._links = osim.getBodySet().getSize() + 1  # a model is a tree: its bodies and the ground
         self._forces = import_opensim().Vector(self.freedoms, 0.0)
@@ -93,14 +101,6 @@ class Posed:
         self.osim.getMatterSubsystem().multiplyBySystemJacobianTranspose(self.state, loads, self._forces)
         forces: Array = self._forces.to_numpy() + direct.to_numpy()
         return forces
-
-
-def _find_row(coordinate: Any, state: Any) -> int:
-    """Where a coordinate's speed stands in the state."""
-    coordinate.setSpeedValue(state, 1.0)
-    (row,) = np.flatnonzero(state.getU().to_numpy())
-    coordinate.setSpeedValue(state, 0.0)
-    return int(row)
 
 
 def list_points(request: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,9 +85,20 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
     }
     answer = ask(request, time_limit_s=TIME_LIMIT_S + _FRAME_S * len(q))
     moving, names = from_document(answer["model"]), set(answer["movers"])
+    muscles = []
+    for each in answer["muscles"]:
+        points = tuple(PathPoint(**point | {"at": to_vector(point["at"])}) for point in each["points"])
+        tuples = {name: tuple(each[name]) for name in ("surfaces", "passive")}
+        muscles.append(Muscle(**{**each, **tuples, "points": points}))
+    surfaces = []
+    for each in answer["surfaces"]:
+        x, y, z = map(to_vector, each["axes"])
+        side = None if each["side"] is None else to_vector(each["side"])
+        own = {"origin": to_vector(each["origin"]), "axes": (x, y, z), "sizes": tuple(each["sizes"])}
+        surfaces.append(WrapSurface(**{**each, **own, "side": side}))
     return Musculature(
-        muscles=tuple(_make_muscle(each) for each in answer["muscles"]),
-        surfaces=tuple(_make_surface(each) for each in answer["surfaces"]),
+        muscles=tuple(muscles),
+        surfaces=tuple(surfaces),
         movers=tuple(segment for segment in moving.segments if segment.name in names),
         q=q,
         contacts=tuple(
@@ -98,22 +108,9 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
     )
 
 
-def _make_muscle(found: Mapping[str, Any]) -> Muscle:
-    points = tuple(PathPoint(**point | {"at": to_vector(point["at"])}) for point in found["points"])
-    tuples = {name: tuple(found[name]) for name in ("surfaces", "passive")}
-    return Muscle(**{**found, **tuples, "points": points})
-
-
 def _make_contact(surface: str, after: int, first: Array, middle: Array, last: Array) -> Contact:
     places = {"first": to_vector(first), "middle": to_vector(middle), "last": to_vector(last)}
     return Contact(surface=surface, after=after, **places)
-
-
-def _make_surface(found: Mapping[str, Any]) -> WrapSurface:
-    x, y, z = map(to_vector, found["axes"])
-    side = None if found["side"] is None else to_vector(found["side"])
-    own = {"origin": to_vector(found["origin"]), "axes": (x, y, z), "sizes": tuple(found["sizes"])}
-    return WrapSurface(**{**found, **own, "side": side})
 
 
 def _list_values(model: BodyModel, columns: Mapping[str, Array]) -> dict[str, list[float]]:
@@ -190,13 +187,12 @@ def read_attachments(
         mesh = read_mesh(file)
         vertices = (mesh.vertices * factors) @ np.array(rotation).T + origin
         found.setdefault(segment, []).append(Mesh(vertices, mesh.faces))
-    return points, wraps, Surfaces({segment: _join_meshes(parts) for segment, parts in found.items()}, absent)
-
-
-def _join_meshes(parts: Sequence[Mesh]) -> Bone:
-    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = [part.faces + offset for part, offset in zip(parts, first, strict=False)]
-    return Bone(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    meshes = {}
+    for segment, parts in found.items():
+        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = [part.faces + offset for part, offset in zip(parts, first, strict=False)]
+        meshes[segment] = Bone(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    return points, wraps, Surfaces(meshes, absent)
 
 
 def move_attachments(

@@ -92,7 +92,11 @@ def read_scale_setup(path: Path) -> ScaleSetup:
     mass, height_m = _number(path, tool, "mass", 0.0), 1e-3 * _number(path, tool, "height", -1.0)
     applied = scaler is not None and _is_applied(scaler)
     setup = scaler if scaler is not None and applied else None
-    order = _order(path, setup)
+    order = () if setup is None else tuple(_read_text(setup, "scaling_order").split())
+    for word in order:
+        if setup is not None and word not in _STEPS:
+            steps = ", ".join(_STEPS)
+            raise _explain_bad(path, setup, f"<scaling_order> holds '{word}', which is not one of {steps}")
     return ScaleSetup(
         measurements=tuple(_read_measurements(path, setup)) if "measurements" in order else (),
         manual=_read_manual(path, setup) if setup is not None and "manualScale" in order else {},
@@ -174,36 +178,22 @@ def _list_objects(holder: Element) -> Iterable[Element]:
     return objects if objects is not None else ()
 
 
-def _order(path: Path, scaler: Element | None) -> tuple[str, ...]:
-    if scaler is None:
-        return ()
-    words = tuple(_read_text(scaler, "scaling_order").split())
-    for word in words:
-        if word not in _STEPS:
-            raise _explain_bad(
-                path, scaler, f"<scaling_order> holds '{word}', which is not one of {', '.join(_STEPS)}"
-            )
-    return words
-
-
 def _read_measurements(path: Path, scaler: Element | None) -> Iterable[Measurement]:
     for item in _list_members(path, scaler, "MeasurementSet"):
         if not _is_applied(item):
             continue
-        pairs = tuple(_pair(path, pair) for pair in _list_members(path, item, "MarkerPairSet"))
+        pairs: list[tuple[str, str]] = []
+        for pair in _list_members(path, item, "MarkerPairSet"):
+            words = _read_text(pair, "markers").split()
+            if len(words) != 2:
+                raise _explain_bad(path, pair, f"<markers> must name two markers, not '{' '.join(words)}'")
+            pairs.append((words[0], words[1]))
         axes = {
             scale.get("name", ""): _read_axes(path, scale)
             for scale in _list_members(path, item, "BodyScaleSet")
         }
         if pairs and axes:
-            yield Measurement(item.get("name", ""), pairs, axes)
-
-
-def _pair(path: Path, element: Element) -> tuple[str, str]:
-    words = _read_text(element, "markers").split()
-    if len(words) != 2:
-        raise _explain_bad(path, element, f"<markers> must name two markers, not '{' '.join(words)}'")
-    return words[0], words[1]
+            yield Measurement(item.get("name", ""), tuple(pairs), axes)
 
 
 def _read_axes(path: Path, element: Element) -> str:
@@ -256,19 +246,14 @@ def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str,
             markers[name] = weight
         elif item.tag == "IKCoordinateTask":
             coordinates[name] = weight
-            values.update(_read_fixed_value(path, item, name))
+            kind = _read_text(item, "value_type") or "default_value"
+            if kind == "manual_value":
+                values[name] = _number(path, item, "value", 0.0)
+            elif kind != "default_value":
+                raise FileUnreadable(
+                    f"the task takes its value by '{kind}', which is not supported",
+                    file=path,
+                    field=name,
+                    remedy="Use default_value or manual_value, or switch the task off",
+                )
     return markers, coordinates, values
-
-
-def _read_fixed_value(path: Path, task: Element, name: str) -> dict[str, float]:
-    kind = _read_text(task, "value_type") or "default_value"
-    if kind == "default_value":
-        return {}
-    if kind == "manual_value":
-        return {name: _number(path, task, "value", 0.0)}
-    raise FileUnreadable(
-        f"the task takes its value by '{kind}', which is not supported",
-        file=path,
-        field=name,
-        remedy="Use default_value or manual_value, or switch the task off",
-    )

@@ -26,7 +26,7 @@ from scaling_service.files.osim.library import (
     put_back,
     shorten_message,
 )
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
+from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
@@ -59,7 +59,19 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
         coordinate.setDefaultValue(item.default)
         coordinate.setDefaultClamped(item.clamped)
         coordinate.setDefaultLocked(item.locked)
-    _set_markers(osim, model.markers)
+    # Exactly these markers, in this order
+    library = import_opensim()
+    osim.updMarkerSet().clearAndDestroy()
+    for own in model.markers:
+        if own.segment != GROUND and not osim.getBodySet().contains(own.segment):
+            raise ModelRefused(
+                f"marker '{own.name}' sits on '{own.segment}', which the OpenSim model lacks",
+                field=own.name,
+                remedy="Use the names of the model's bodies",
+            )
+        marker = library.Marker(own.name, _make_body(osim, own.segment), library.Vec3(*own.nominal))
+        marker.set_fixed(own.anatomical)
+        _give(osim.addMarker, marker)
     osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
     check_same(model, _write_and_check(osim, model))
     text = Path(_WRITTEN).read_text(encoding="utf-8")
@@ -131,7 +143,23 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         scale.setScaleFactors(library.Vec3(*xyz))
         scale.setApply(True)
         scales.cloneAndAppend(scale)
-    oblique, ends = _list_oblique_translations(model), list_ends(model)
+    # Custom joints' translations along axes that OpenSim does not scale component by component
+    oblique = []
+    cast = import_opensim().CustomJoint.safeDownCast
+    customs = (cast(joint) for joint in list_items(model.getJointSet()))
+    for joint in (custom for custom in customs if custom is not None):
+        for number in (3, 4, 5):
+            axis = joint.getSpatialTransform().getTransformAxis(number)
+            if is_pure(axis.getFunction()) or sorted(map(abs, list_numbers(axis.get_axis()))) == [
+                0.0,
+                0.0,
+                1.0,
+            ]:
+                continue
+            multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
+            gain = multiplier.getScale() if multiplier is not None else 1.0
+            oblique.append((joint.getName(), number, gain))
+    ends = list_ends(model)
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
@@ -152,26 +180,6 @@ def _list_copies(model: Any) -> set[str]:
     joints = list_items(model.getJointSet())
     ends = ((j.getName(), f.findBaseFrame()) for j in joints for f in (j.getParentFrame(), j.getChildFrame()))
     return {name_copy(body.getName(), joint) for joint, body in ends}
-
-
-def _list_oblique_translations(model: Any) -> list[tuple[str, int, float]]:
-    """Custom joints' translations along axes that OpenSim does not scale component by component."""
-    found = []
-    cast = import_opensim().CustomJoint.safeDownCast
-    customs = (cast(joint) for joint in list_items(model.getJointSet()))
-    for joint in (custom for custom in customs if custom is not None):
-        for number in (3, 4, 5):
-            axis = joint.getSpatialTransform().getTransformAxis(number)
-            if is_pure(axis.getFunction()) or sorted(map(abs, list_numbers(axis.get_axis()))) == [
-                0.0,
-                0.0,
-                1.0,
-            ]:
-                continue
-            multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
-            gain = multiplier.getScale() if multiplier is not None else 1.0
-            found.append((joint.getName(), number, gain))
-    return found
 
 
 def _scale_componentwise(
@@ -242,7 +250,17 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
                 turned = turn @ list_numbers(axis.get_axis())
                 axis.setAxis(_to_vec3(turned))
     elif joint.getConcreteClassName() in _PURE_TURNS:
-        _insert_turned_frames(joint, turn)
+        # Both joint frames turned alike: frames within the present ones, so that others keep theirs.
+        for end, frame, connect in (
+            ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
+            ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
+        ):
+            turned = import_opensim().PhysicalOffsetFrame(frame, import_opensim().Transform())
+            turned.setName(f"{joint.getName()}_tilted_{end}")
+            turned.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
+            joint.addFrame(turned)
+            turned.thisown = False  # the joint deletes it
+            connect(turned)
     else:
         raise _refuse_without_axis(name, joint.getConcreteClassName())
 
@@ -253,20 +271,6 @@ def _refuse_without_axis(name: str, kind: str) -> ModelRefused:
         field=name,
         remedy="Tilt a PinJoint, UniversalJoint, GimbalJoint, BallJoint or CustomJoint",
     )
-
-
-def _insert_turned_frames(joint: Any, turn: Array) -> None:
-    """Both joint frames turned alike: frames within the present ones, so that others keep theirs."""
-    for end, frame, connect in (
-        ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
-        ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
-    ):
-        turned = import_opensim().PhysicalOffsetFrame(frame, import_opensim().Transform())
-        turned.setName(f"{joint.getName()}_tilted_{end}")
-        turned.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
-        joint.addFrame(turned)
-        turned.thisown = False  # the joint deletes it
-        connect(turned)
 
 
 def _to_euler_xyz(r: Array) -> tuple[float, float, float]:
@@ -287,22 +291,6 @@ def _set_inertia(body: Any, segment: Segment) -> None:
 def _open_end(coordinate: Coordinate) -> float:
     """What stands for infinity (rad or m): OpenSim's own default where the range does not bind."""
     return 1000.0 if coordinate.clamped else 10.0  # chosen: 1000 is beyond any laboratory
-
-
-def _set_markers(osim: Any, markers: Sequence[Marker]) -> None:
-    """Exactly these markers, in this order."""
-    library = import_opensim()
-    osim.updMarkerSet().clearAndDestroy()
-    for item in markers:
-        if item.segment != GROUND and not osim.getBodySet().contains(item.segment):
-            raise ModelRefused(
-                f"marker '{item.name}' sits on '{item.segment}', which the OpenSim model lacks",
-                field=item.name,
-                remedy="Use the names of the model's bodies",
-            )
-        marker = library.Marker(item.name, _make_body(osim, item.segment), library.Vec3(*item.nominal))
-        marker.set_fixed(item.anatomical)
-        _give(osim.addMarker, marker)
 
 
 def _make_body(osim: Any, name: str) -> Any:

@@ -248,7 +248,14 @@ def construct_centres(
         keep(name, centre)
     for joint in _JOINTS:
         for side in SIDES:
-            middle = _construct_middle(points, joint, side)
+            # Half-way between a joint's lateral and medial landmark
+            _, lateral, medial = _JOINTS[joint]
+            ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
+            if ends[0] is None or ends[1] is None or not _is_ever_known(ends[0] + ends[1]):
+                middle = None
+            else:
+                how = "the middle of its lateral and medial marker"
+                middle = Centre((ends[0] + ends[1]) / 2.0, how, (JOINT_SD_M,) * 3, "middle")
             chord = _construct_chord(points, found, sizes, joint, side, axes)
             keep(f"{joint}_{side}", middle or chord)
             if joint == "ankle" and middle is not None:
@@ -282,16 +289,6 @@ def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[s
         f"hip_{side}": Centre(at, how, sd, "regression")
         for side, at in (("r", found.right_ground), ("l", found.left_ground))
     }
-
-
-def _construct_middle(points: Points, joint: Joint, side: Side) -> Centre | None:
-    """Half-way between a joint's lateral and medial landmark."""
-    _, lateral, medial = _JOINTS[joint]
-    ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
-    if ends[0] is None or ends[1] is None or not _is_ever_known(ends[0] + ends[1]):
-        return None
-    how = "the middle of its lateral and medial marker"
-    return Centre((ends[0] + ends[1]) / 2.0, how, (JOINT_SD_M,) * 3, "middle")
 
 
 def _construct_chord(

@@ -207,7 +207,10 @@ def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike =
         if all(name in points for name in names)
         else None
     )
-    thigh = _build_thigh(points, letter, side)
+    thigh = None
+    if all(f"{letter}{name}" in points for name in ("HJC", "KJC", "LFE")):
+        hip, knee, lateral = (np.atleast_2d(points[f"{letter}{name}"]) for name in ("HJC", "KJC", "LFE"))
+        thigh = build_femur_frame(hip, lateral, 2.0 * knee - lateral, side)
     shank_at_ankle = _build_shank(points, letter, side, "LM")
     shank = _build_shank(points, letter, side, "KAX") or shank_at_ankle
     # From heel to toe, (n_frames, 3)
@@ -242,14 +245,6 @@ def level_heel(points: Points, side: Side) -> Array:
     """The heel raised or lowered to the toe's height, as a person stands with flat feet, (n_frames, 3), m."""
     heel, toe = (np.atleast_2d(points[f"{side.upper()}{name}"]) for name in ("HEE", "TOE"))
     return np.column_stack([heel[:, 0], toe[:, 1], heel[:, 2]])
-
-
-def _build_thigh(points: Points, letter: str, side: Side) -> Frames | None:
-    names = [f"{letter}{name}" for name in ("HJC", "KJC", "LFE")]
-    if not all(name in points for name in names):
-        return None
-    hip, knee, lateral = (np.atleast_2d(points[name]) for name in names)
-    return build_femur_frame(hip, lateral, 2.0 * knee - lateral, side)
 
 
 def _build_shank(points: Points, letter: str, side: Side, lateral: str) -> Frames | None:

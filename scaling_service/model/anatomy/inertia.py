@@ -214,7 +214,22 @@ def _with_inertia(
     tables = [table, *([read_inertia_table(table.fallback)] if table.fallback else [])]
     if table.find(role, person.sex) is None and len(tables) > 1:
         tables = tables[1:]
-    placed = [_place(neutral, t, t.row(role, person.sex), person, side, segment.name) for t in tables]
+    placed = []
+    for t in tables:
+        row = t.row(role, person.sex)
+        near, far = row.span
+        start = require_landmark(neutral, near, side, person.sex, segment.name)
+        end = find_landmark(neutral, far, side, person.sex)
+        if end is None and row.length_mm is not None:
+            length = 1e-3 * row.length_mm * person.height_m / t.stature_m[person.sex]
+            end = start + length * np.array(AHEAD.get(far, (0.0, -1.0, 0.0)))
+        if end is None and row.com_pct is None:
+            end = start  # the fallback gives centre and radii
+        if end is None:
+            end = require_landmark(neutral, far, side, person.sex, segment.name)
+        if far == "HJCS":
+            end = np.array([end[0], end[1], start[2]])  # projected on the sagittal plane
+        placed.append(_Placed(row, float(np.linalg.norm(end - start)), start, end))
     first, last = placed[0], placed[-1]
     com = first.com(neutral, segment.name, side)
     com = last.com(neutral, segment.name, side) if com is None else com
@@ -231,24 +246,6 @@ def _with_inertia(
 def _split_side(name: str) -> tuple[str, str]:
     """A segment's name without its side, and the side."""
     return (name[:-2], name[-1]) if name[-2:] in ("_r", "_l") else (name, "")
-
-
-def _place(
-    neutral: Neutral, table: InertiaTable, row: InertiaRow, person: Person, side: str, segment: str
-) -> _Placed:
-    first, last = row.span
-    start = require_landmark(neutral, first, side, person.sex, segment)
-    end = find_landmark(neutral, last, side, person.sex)
-    if end is None and row.length_mm is not None:
-        length = 1e-3 * row.length_mm * person.height_m / table.stature_m[person.sex]
-        end = start + length * np.array(AHEAD.get(last, (0.0, -1.0, 0.0)))
-    if end is None and row.com_pct is None:
-        end = start  # the fallback gives centre and radii
-    if end is None:
-        end = require_landmark(neutral, last, side, person.sex, segment)
-    if last == "HJCS":
-        end = np.array([end[0], end[1], start[2]])  # projected on the sagittal plane
-    return _Placed(row, float(np.linalg.norm(end - start)), start, end)
 
 
 def _make_tensor(mass: float, radii: Array, products: Array, side: str) -> Array:

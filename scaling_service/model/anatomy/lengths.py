@@ -153,7 +153,12 @@ def find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
     values = straighten(model)
     joints = [joint for segment in chain for joint in segment.joints]
-    _, centre = follow(joints[: _count_before_turn(chain)], values)
+    # The turn that makes a chain's last joint: the first driven one of the last segment, or of the whole
+    # chain where the last one is welded on.
+    driven = [_is_driven(joint) for segment in chain for joint in segment.joints]
+    last = len(driven) - len(chain[-1].joints)
+    before_turn = driven.index(True, last if True in driven[last:] else 0) if True in driven else last
+    _, centre = follow(joints[:before_turn], values)
     _, end = follow(joints, values)
     if np.linalg.norm(end - centre) > _WELDED_ON_M and not any(map(_is_driven, chain[-1].joints)):
         centre = end
@@ -164,18 +169,6 @@ def find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
         rotation, origin = follow(joints[:done], values)
         known[segment.name] = rotation.T @ (centre - origin)
     return known
-
-
-def _count_before_turn(chain: list[Segment]) -> int:
-    """How many joints of a chain come before the turn that makes its last joint.
-
-    That is the first driven turn of the last segment; of the whole chain where the last one is welded on.
-    """
-    driven = [_is_driven(joint) for segment in chain for joint in segment.joints]
-    last = len(driven) - len(chain[-1].joints)
-    if True in driven[last:]:
-        return driven.index(True, last)
-    return driven.index(True) if True in driven else last
 
 
 def _is_driven(joint: Joint) -> bool:

@@ -89,7 +89,10 @@ def linearise(
     for rows in problem.blocks():
         block = _make_block(problem, q, p, rows)
         eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
-        border.curvature += block.shared_curvature - _sum_products(block.cross, eliminated.follow)
+        # Sum over frames of `left^T right`, both (n, nq, np)
+        n, nq, count = block.cross.shape
+        total: Array = block.cross.reshape(n * nq, count).T @ eliminated.follow.reshape(n * nq, count)
+        border.curvature += block.shared_curvature - total
         border.slope += block.frame_slopes.sum(axis=0)
         border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
         border.gains[rows] = eliminated.gain
@@ -109,13 +112,6 @@ def compute_frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
         eliminated = _eliminate(problem, block, q, rows, np.zeros(len(q[rows])))
         slopes[rows] = block.frame_slopes - np.einsum("nqp,nq->np", block.cross, eliminated.free_step)
     return slopes
-
-
-def _sum_products(left: Array, right: Array) -> Array:
-    """Sum over frames of ``left^T right``, both (n, nq, np)."""
-    n, nq, count = left.shape
-    total: Array = left.reshape(n * nq, count).T @ right.reshape(n * nq, count)
-    return total
 
 
 def compute_step(

@@ -97,9 +97,11 @@ def solve_posterior(
     damping, outcome, steps = _FIRST, Outcome.MAX_STEPS, 0
     while steps < most and outcome is Outcome.MAX_STEPS:
         steps += 1
-        step_q, step_p = _make_step(problem, normal, p, damping)
-        trial_q, trial_p = q.copy(), p + step_p
-        trial_q[:, problem.coordinates] += step_q
+        curvature, slope, solved = _eliminate(problem, normal, p, damping)
+        damped = curvature + damping * np.diag(np.diag(curvature))
+        step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
+        trial_q, trial_p = q.copy(), p + step
+        trial_q[:, problem.coordinates] += solved[:, :, 0] - solved[:, :, 1:] @ step
         trial_q = _solve_block(problem, whitening, trial_q, trial_p, _INNER)
         trial_gap, trial_cost = _compute_cost(problem, whitening, trial_q, trial_p)
         if trial_cost > cost:
@@ -232,13 +234,6 @@ def _eliminate(
     curvature = normal.shared + prior.precision - crossed[:, 1:]
     slope = normal.shared_slope + prior.pull - prior.precision @ p - crossed[:, 0]
     return 0.5 * (curvature + curvature.T), slope, solved
-
-
-def _make_step(problem: PosteriorProblem, normal: _Normal, p: Array, damping: float) -> tuple[Array, Array]:
-    curvature, slope, solved = _eliminate(problem, normal, p, damping)
-    damped = curvature + damping * np.diag(np.diag(curvature))
-    step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
-    return solved[:, :, 0] - solved[:, :, 1:] @ step, step
 
 
 def integrate_over(

@@ -84,7 +84,15 @@ def normalise_cycles(
     curves = np.empty((len(cycles), len(names), nodes))
     for k, (start, end) in enumerate(cycles):
         rows = _select_rows(clock, start, end, trial)
-        _refuse_gaps(clock[rows], recorded[rows], names, trial)
+        gaps = np.argwhere(~np.isfinite(recorded[rows]))
+        if len(gaps):
+            row, column = gaps[0]
+            raise TrialUnusable(
+                f"'{names[column]}' has no value at {clock[rows][row]:g} s, within a cycle",
+                file=trial,
+                field=names[column],
+                remedy="Leave the cycle out, or fill the markers' gap first",
+            )
         curves[k] = CubicSpline(clock[rows], recorded[rows])(np.linspace(start, end, nodes)).T
     return curves
 
@@ -115,18 +123,6 @@ def _select_rows(times: Array, start: float, end: float, trial: str) -> slice:
             remedy="Check the events",
         )
     return slice(first, last + 1)
-
-
-def _refuse_gaps(times: Array, values: Array, names: Sequence[str], trial: str) -> None:
-    gaps = np.argwhere(~np.isfinite(values))
-    if len(gaps):
-        row, column = gaps[0]
-        raise TrialUnusable(
-            f"'{names[column]}' has no value at {times[row]:g} s, within a cycle",
-            file=trial,
-            field=names[column],
-            remedy="Leave the cycle out, or fill the markers' gap first",
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +215,16 @@ def compare_waveforms(
     (True, 1)
     """
     chosen = settings or WaveformSettings()
-    pairs = _list_pairs(curves, reference)
+    if reference is None:
+        pairs = list(combinations(curves.methods, 2))
+    else:
+        if reference not in curves.methods:
+            raise ComparisonImpossible(
+                f"the reference '{reference}' is not among the methods {', '.join(curves.methods)}",
+                field=curves.quantity,
+                remedy="Name one of them",
+            )
+        pairs = [(method, reference) for method in curves.methods if method != reference]
     anova = analyse_repeated_measures(curves.values, rng, chosen)
     tested = pairs if anova.significant else []
     return WaveformComparison(
@@ -286,15 +291,3 @@ def _compare_pair(
         difference_sd=difference.std(axis=0, ddof=1),
         test=compare_paired(ours, theirs, rng, settings, n_tests=n_pairs),
     )
-
-
-def _list_pairs(curves: Curves, reference: str | None) -> list[tuple[str, str]]:
-    if reference is None:
-        return list(combinations(curves.methods, 2))
-    if reference not in curves.methods:
-        raise ComparisonImpossible(
-            f"the reference '{reference}' is not among the methods {', '.join(curves.methods)}",
-            field=curves.quantity,
-            remedy="Name one of them",
-        )
-    return [(method, reference) for method in curves.methods if method != reference]

@@ -231,7 +231,15 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
         order = np.argsort(vertices[:, 1], kind="stable")
         pull = np.empty_like(vertices)
         for chunk in np.array_split(order, max(1, len(order) // 1500)):
-            pull[chunk] = _refine_by_newton(shape, vertices[chunk])
+            points = vertices[chunk]
+            n = len(points)
+            moved = np.concatenate([points, *(points + _STEP_M * axis for axis in np.eye(3))])
+            value = shape.distance(moved)
+            slope = (value[n:].reshape(3, n) - value[:n]).T / _STEP_M
+            square = np.maximum(
+                np.einsum("ij,ij->i", slope, slope), 0.25
+            )  # where slopes meet, half a step is enough
+            pull[chunk] = np.asarray(value[:n, None] * slope / square[:, None])
         vertices = vertices - pull
     return vertices, faces
 
@@ -244,12 +252,3 @@ def _contour_field(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
     found = grid.contour([0.0], scalars=field, compute_normals=False, method="flying_edges")
     faces = np.asarray(found.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
     return np.asarray(found.points, dtype=float), faces
-
-
-def _refine_by_newton(shape: Shape, points: Array) -> Array:
-    n = len(points)
-    moved = np.concatenate([points, *(points + _STEP_M * axis for axis in np.eye(3))])
-    value = shape.distance(moved)
-    slope = (value[n:].reshape(3, n) - value[:n]).T / _STEP_M
-    square = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)  # where slopes meet, half a step is enough
-    return np.asarray(value[:n, None] * slope / square[:, None])

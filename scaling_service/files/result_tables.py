@@ -149,11 +149,11 @@ def write_motion_bids(tables: Mapping[str, ResultTable], folder: Path, about: Ab
         channels = []
         for column in table.columns[1:]:
             # A row of `channels.tsv`; a coordinate is the point that it moves.
-            name, _, end = column.rpartition("_")
-            moved = name.removesuffix("_sd")
+            known, _, end = column.rpartition("_")
+            moved = known.removesuffix("_sd")
             kind = "MISC" if _SD in column else "JNTANG" if UNITS[end] == "deg" else "POS"
             component = moved[-1] if kind == "POS" and moved[-1] in "xyz" else "n/a"
-            channels.append([name, component, kind, moved, UNITS[end]])
+            channels.append([known, component, kind, moved, UNITS[end]])
         head = ["name", "component", "type", "tracked_point", "units"]
         _write_tsv(place / f"{stem}_channels.tsv", [head, *channels])
         counts = {

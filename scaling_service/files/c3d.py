@@ -82,35 +82,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
     """
     file = Path(path)
     content = read_c3d_file(file)
-    kept, unlabelled, repairs = _sort_points(content, file)
-    labels = tuple(content.labels[k] for k in kept)
-    scale, of_unit = _find_unit(content, file)
-    markers, lost = clean_positions(content.points[:, kept] * scale, labels)
-    descriptions = [content.descriptions[k] for k in kept] if content.descriptions else ()
-    labels, twice = separate_duplicates(labels, markers, descriptions)
-    times = np.arange(len(markers)) / content.rate_hz
-    rotations, of_poses = _read_rotations(content, scale, file)
-    nobodys = tuple(content.labels[k] for k in unlabelled)
-    theirs, _ = clean_positions(content.points[:, unlabelled] * scale, nobodys)
-    return Recording(
-        name=file.stem,
-        times=times,
-        labels=labels,
-        markers=markers,
-        rate_hz=content.rate_hz,
-        repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice, *of_poses),
-        rotations=rotations,
-        sizes=read_stated_sizes(content.parameters),
-        unit=content.point_unit or NOT_STATED,
-        plates=_read_plates_or_refusal(content),
-        unlabelled=Trial(
-            name=file.stem, times=times, labels=nobodys, markers=theirs, rate_hz=content.rate_hz
-        ),
-    )
-
-
-def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], list[Repair]]:
-    """Indices of the points that are markers and of those that nobody labelled, and notes on all others."""
+    # Indices of the points that are markers and of those that nobody labelled, and notes on all others
     results = [label for label in content.labels if label in content.computed]
     others = [k for k, label in enumerate(content.labels) if label not in content.computed]
     kept = [k for k in others if content.labels[k] and not is_unlabelled(content.labels[k])]
@@ -135,7 +107,42 @@ def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], li
                 what="unlabelled", where="POINT", detail=f"{nameless} points without a label were left out"
             )
         )
-    return kept, [k for k in others if content.labels[k] and k not in kept], repairs
+    unlabelled = [k for k in others if content.labels[k] and k not in kept]
+    labels = tuple(content.labels[k] for k in kept)
+    scale, of_unit = _find_unit(content, file)
+    markers, lost = clean_positions(content.points[:, kept] * scale, labels)
+    descriptions = [content.descriptions[k] for k in kept] if content.descriptions else ()
+    labels, twice = separate_duplicates(labels, markers, descriptions)
+    times = np.arange(len(markers)) / content.rate_hz
+    rotations, of_poses = _read_rotations(content, scale, file)
+    nobodys = tuple(content.labels[k] for k in unlabelled)
+    theirs, _ = clean_positions(content.points[:, unlabelled] * scale, nobodys)
+    try:
+        plates: PlateRecording | TrialUnusable | None = read_c3d_plates(content)
+    except TrialUnusable as error:
+        plates = None if error.field in NO_PLATES else error
+    except (ValueError, TypeError, IndexError, OverflowError) as error:
+        plates = TrialUnusable(
+            f"its force plates cannot be understood ({error})",
+            file=content.name,
+            field="FORCE_PLATFORM",
+            remedy="Complete the parameters in the recording software and export again",
+        )
+    return Recording(
+        name=file.stem,
+        times=times,
+        labels=labels,
+        markers=markers,
+        rate_hz=content.rate_hz,
+        repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice, *of_poses),
+        rotations=rotations,
+        sizes=read_stated_sizes(content.parameters),
+        unit=content.point_unit or NOT_STATED,
+        plates=plates,
+        unlabelled=Trial(
+            name=file.stem, times=times, labels=nobodys, markers=theirs, rate_hz=content.rate_hz
+        ),
+    )
 
 
 def _read_rotations(
@@ -204,20 +211,6 @@ def _find_unit(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair,
         )
     said = "no unit is stated; mm was taken, as is usual in C3D files"
     return METRES["mm"], (Repair(what="unit", where="POINT:UNITS", detail=said),)
-
-
-def _read_plates_or_refusal(content: C3dFile) -> PlateRecording | TrialUnusable | None:
-    try:
-        return read_c3d_plates(content)
-    except TrialUnusable as error:
-        return None if error.field in NO_PLATES else error
-    except (ValueError, TypeError, IndexError, OverflowError) as error:
-        return TrialUnusable(
-            f"its force plates cannot be understood ({error})",
-            file=content.name,
-            field="FORCE_PLATFORM",
-            remedy="Complete the parameters in the recording software and export again",
-        )
 
 
 def read_c3d_plates(content: C3dFile) -> PlateRecording:

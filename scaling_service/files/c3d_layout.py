@@ -70,7 +70,9 @@ class _Witness:
 
 def _list_witnesses(facts: Facts) -> list[_Witness]:
     """What header and parameters say, as far as they can know it."""
-    ratio = facts.number("ANALOG", "RATE") / _first_usable(facts.number("POINT", "RATE"), facts.rate)
+    rates = (facts.number("POINT", "RATE"), facts.rate)
+    usable = next((rate for rate in rates if RATES_HZ[0] <= rate <= RATES_HZ[1]), float("nan"))
+    ratio = facts.number("ANALOG", "RATE") / usable
     whole = round(ratio) if np.isfinite(ratio) and 0 < ratio < 65536 else 0
     said = [
         ("header word 2", "points", facts.points),
@@ -109,10 +111,6 @@ def _list_witnesses(facts: Facts) -> list[_Witness]:
 def _say_form(scale: float) -> int | None:
     """Real numbers have a scale below zero; 0 and NaN say nothing."""
     return int(scale < 0) if scale and np.isfinite(scale) else None
-
-
-def _first_usable(*rates: float) -> float:
-    return next((rate for rate in rates if RATES_HZ[0] <= rate <= RATES_HZ[1]), float("nan"))
 
 
 def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:

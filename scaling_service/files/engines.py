@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.files.limbs import (
-    DrivenAxis,
     Skeleton,
     format_numbers,
     list_following,
@@ -17,7 +16,7 @@ from scaling_service.files.limbs import (
     list_uncarried,
 )
 from scaling_service.files.mjcf import write_mjcf
-from scaling_service.model.body import GROUND, BodyModel, Segment
+from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.muscles import Musculature
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 from scaling_service.numerics.wrench import GRAVITY
@@ -44,9 +43,16 @@ def write_biomod(model: BodyModel, _muscles: Musculature | None = None) -> Skele
             elif axis.axis[2] < 0.0:
                 frame[:3, :3] = np.diag([1.0, -1.0, -1.0])
             along = frame
-            lines += _write_segment(axis.name, parent, back @ axis.before @ along, _write_motion(axis))
+            motion = f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
+            lines += _write_segment(axis.name, parent, back @ axis.before @ along, motion)
             parent, back = axis.name, np.asarray(np.linalg.inv(along), dtype=float)
-        lines += _write_segment(limb.segment.name, parent, back @ limb.last, _write_mass(limb.segment))
+        segment, mass = limb.segment, []
+        if segment.mass > 0.0:
+            xx, yy, zz, xy, xz, yz = segment.inertia
+            rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+            mass = [f"    mass {segment.mass:.17g}", f"    CenterOfMass {format_numbers(segment.com)}"]
+            mass += ["    inertia", *(f"        {format_numbers(row)}" for row in rows)]
+        lines += _write_segment(segment.name, parent, back @ limb.last, *mass)
     for marker in model.markers:
         lines += [
             f"marker {marker.name.replace(' ', '_')}",
@@ -60,25 +66,10 @@ def write_biomod(model: BodyModel, _muscles: Musculature | None = None) -> Skele
     return Skeleton("\n".join(lines), said)
 
 
-def _write_segment(name: str, parent: str, frame: Array, more: Iterator[str]) -> list[str]:
+def _write_segment(name: str, parent: str, frame: Array, *more: str) -> list[str]:
     rows = [f"        {format_numbers(row)}" for row in frame]
     head = [f"segment {name}", f"    parent {parent}", "    RTinMatrix 1", "    RT", *rows]
     return [*head, *more, "endsegment", ""]
-
-
-def _write_motion(axis: DrivenAxis) -> Iterator[str]:
-    yield f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
-
-
-def _write_mass(segment: Segment) -> Iterator[str]:
-    if segment.mass <= 0.0:
-        return
-    xx, yy, zz, xy, xz, yz = segment.inertia
-    yield f"    mass {segment.mass:.17g}"
-    yield f"    CenterOfMass {format_numbers(segment.com)}"
-    yield "    inertia"
-    for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)):
-        yield f"        {format_numbers(row)}"
 
 
 ENGINES: Mapping[str, tuple[str, Callable[[BodyModel, Musculature | None], Skeleton]]] = MappingProxyType(

@@ -88,7 +88,13 @@ def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]
                 field=missing[0],
                 remedy="Export the centre of pressure beside the force",
             )
-        found.append(PlateColumns((name, f"{stem}y", f"{stem}z"), point, _name_moment_columns(base, present)))
+        stems = [f"{base}m"]
+        for word in ("torque", "moment"):
+            other = base.replace("force", word)
+            stems += [other, f"{other}m", f"{other}t"] if other != base else []
+        moments = ((f"{start}x", f"{start}y", f"{start}z") for start in stems)
+        moment = next((names for names in moments if present.issuperset(names)), ())
+        found.append(PlateColumns((name, f"{stem}y", f"{stem}z"), point, moment))
     if not found:
         shown = ", ".join(columns[1:7]) + (", …" if len(columns) > 7 else "")
         raise TrialUnusable(
@@ -98,18 +104,6 @@ def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]
             remedy="Name the force columns as OpenSim does: ground_force_1_vx, …_vy, …_vz, …_px, …",
         )
     return tuple(found)
-
-
-def _name_moment_columns(base: str, present: set[str]) -> tuple[str, ...]:
-    stems = [f"{base}m"]
-    for word in ("torque", "moment"):
-        other = base.replace("force", word)
-        stems += [other, f"{other}m", f"{other}t"] if other != base else []
-    for stem in stems:
-        names = (f"{stem}x", f"{stem}y", f"{stem}z")
-        if set(names) <= present:
-            return names
-    return ()
 
 
 def _read_plate(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -96,7 +95,15 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
     for follower, (leader, polynomial) in ties.items():
         tie = ET.SubElement(element, "joint", joint1=follower, joint2=leader)
         tie.set("polycoef", format_numbers(polynomial))
-    _sort_joints(bodies[GROUND], ties, found)
+    # Give joints that follow, and those that join the body to the ground, their classes
+    ground = bodies[GROUND]
+    grounded = {axis.name for limb in found if limb.segment.parent == GROUND for axis in limb.axes}
+    for joint in ground.iter("joint"):
+        name = str(joint.get("name"))
+        if name in ties:
+            joint.set("class", f"following {joint.get('type')}")
+        elif name in grounded:
+            joint.set("class", "root")
     in_all, each = _describe_fits(eased.followed)
     each = [*list_following(model), *each]
     said = [*list_uncarried(model, muscles=tendons is None), *in_all, _ADDED]
@@ -164,16 +171,12 @@ def _write_body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinat
             "pos": format_numbers(point),
         }
         own = coordinates[str(axis.term.coordinate)]
-        if axis.leads and _is_limited(own, limb):
+        # Polynomials hold only in a coordinate's range: MuJoCo keeps it there, clamped or not.
+        ends = bool(np.isfinite([own.lower, own.upper]).all())
+        if axis.leads and ends and (own.clamped or limb.segment.parent != GROUND):
             given["range"] = format_numbers([own.lower, own.upper])
         ET.SubElement(body, "joint", given)
     return body
-
-
-def _is_limited(coordinate: Coordinate, limb: Limb) -> bool:
-    """Whether MuJoCo keeps a coordinate in its range: polynomials hold only there, clamped or not."""
-    finite = bool(np.isfinite([coordinate.lower, coordinate.upper]).all())
-    return finite and (coordinate.clamped or limb.segment.parent != GROUND)
 
 
 def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]) -> None:
@@ -190,17 +193,6 @@ def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict
         if own.clamped and np.isfinite([own.lower, own.upper]).all():
             given["range"] = format_numbers([own.lower, own.upper])
         ET.SubElement(body, "joint", given)
-
-
-def _sort_joints(ground: ET.Element, ties: Mapping[str, tuple[str, Array]], found: tuple[Limb, ...]) -> None:
-    """Give joints that follow, and those that join the body to the ground, their classes."""
-    root = {axis.name for limb in found if limb.segment.parent == GROUND for axis in limb.axes}
-    for joint in ground.iter("joint"):
-        name, kind = str(joint.get("name")), joint.get("type")
-        if name in ties:
-            joint.set("class", "following slide" if kind == "slide" else "following hinge")
-        elif name in root:
-            joint.set("class", "root")
 
 
 def _fit(axis: DrivenAxis, coordinate: Coordinate) -> Array:

@@ -127,7 +127,14 @@ def _ease(
         leader, law_of = (
             (coordinate.name, first[k](scaled)) if k < len(first) else (names[k - len(first)], _T2)
         )
-        names.append(_name_helper(leader, _list_powers(law_of), helpers))
+        # The joint that follows another one by a square, a new one if there is none yet
+        square = _list_powers(law_of)
+        same = [name for name, (one, _) in helpers.items() if one == leader]
+        name = next((name for name in same if np.array_equal(helpers[name][1], square)), None)
+        if name is None:
+            name = f"{leader} square {1 + len(same)}"
+            helpers[name] = (leader, square)
+        names.append(name)
         terms.append(_make_term(names[-1], third * _T3 + fourth * _T4, (-1.0, 1.0)))
     return terms, float(left[:_POINTS].max())
 
@@ -136,16 +143,6 @@ def _list_powers(polynomial: np.polynomial.Polynomial) -> Array:
     """Coefficients, lowest power first, (5,)."""
     own = np.asarray(polynomial.coef, dtype=float)
     return np.pad(own, (0, QUARTIC + 1 - len(own)))
-
-
-def _name_helper(coordinate: str, square: Array, helpers: dict[str, tuple[str, Array]]) -> str:
-    """The joint that follows another one by a square, a new one if there is none yet."""
-    for name, (own, known) in helpers.items():
-        if own == coordinate and np.array_equal(known, square):
-            return name
-    name = f"{coordinate} square {1 + sum(own == coordinate for own, _ in helpers.values())}"
-    helpers[name] = (coordinate, square)
-    return name
 
 
 def _make_term(coordinate: str, polynomial: np.polynomial.Polynomial, span: tuple[float, float]) -> Term:

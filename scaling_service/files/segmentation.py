@@ -196,8 +196,19 @@ def _read_table(file: Path) -> dict[int, str]:
         try:
             text = table.read_text(encoding="utf-8")
             if table.suffix == ".json":
-                return dict(_pair(*entry) for entry in json.loads(text).items())
-            return dict(_list_rows(text))
+                # A number and a name, either way round
+                return dict(
+                    (int(key), str(value)) if key.isdigit() else (int(str(value)), key)
+                    for key, value in json.loads(text).items()
+                )
+            # ITK-SNAP (number, colour …, "name") and 3D Slicer (number, name, colour)
+            lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+            found = {}
+            for row in csv.reader(lines, delimiter=" ", skipinitialspace=True):
+                names = [cell for cell in row[1:] if re.search("[A-Za-z]", cell)]
+                if row and row[0].isdigit() and names:
+                    found[int(row[0])] = names[0]
+            return found
         except (ValueError, AttributeError, TypeError, UnicodeDecodeError) as error:
             raise FileUnreadable(
                 f"it is no table of labels ({error})",
@@ -205,21 +216,6 @@ def _read_table(file: Path) -> dict[int, str]:
                 remedy='Write {"femur_r": 3, "tibia_r": 4}, or export the table of ITK-SNAP or 3D Slicer',
             ) from None
     return {}
-
-
-def _pair(key: str, value: object) -> tuple[int, str]:
-    """A number and a name, either way round."""
-    return (int(key), str(value)) if key.isdigit() else (int(str(value)), key)
-
-
-def _list_rows(text: str) -> Iterator[tuple[int, str]]:
-    """Of ITK-SNAP (number, colour …, "name") and 3D Slicer (number, name, colour)."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    for row in csv.reader(lines, delimiter=" ", skipinitialspace=True):
-        if row and row[0].isdigit() and len(row) > 1:
-            names = [cell for cell in row[1:] if re.search("[A-Za-z]", cell)]
-            if names:
-                yield int(row[0]), names[0]
 
 
 def _list_surfaces(

@@ -106,14 +106,18 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
         said = "is absent" if stated is None else f"says '{stated[:20]}'"
         detail = f"{said}: whether rotations are in degrees is ambiguous"
         notes = [Repair(what="in_degrees", where="inDegrees", detail=detail)]
-    counts = _check_counts(header, *data.shape)
+    for key, found in zip(("nRows", "nColumns"), data.shape, strict=True):
+        count = look_up(header, key.lower())
+        if count is not None and count != str(found):
+            detail = f"the header says {count[:20]}, the file holds {found}"
+            notes.append(Repair(what="header", where=key, detail=detail))
     return Table(
         name=file.stem,
         columns=columns,
         data=data,
         in_degrees=degrees,
         header=MappingProxyType(header),
-        repairs=(*repairs, *notes, *counts, *cut, *row_repairs),
+        repairs=(*repairs, *notes, *cut, *row_repairs),
     )
 
 
@@ -163,19 +167,6 @@ def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
         )
     tables.refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
     return ("time", *cells[1:])
-
-
-def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[Repair, ...]:
-    repairs = []
-    for key, found in (("nRows", rows), ("nColumns", columns)):
-        stated = look_up(header, key.lower())
-        if stated is not None and stated != str(found):
-            repairs.append(
-                Repair(
-                    what="header", where=key, detail=f"the header says {stated[:20]}, the file holds {found}"
-                )
-            )
-    return tuple(repairs)
 
 
 def write_sto(path: str | os.PathLike[str], table: Table) -> None:

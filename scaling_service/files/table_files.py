@@ -40,7 +40,9 @@ class ArrayFiles:
         step = -(-len(content) // MOST_FRAMES)
         overview = None
         if step > 1:
-            few = content[::step] if first_look == "frames" else _find_largest(content, step)
+            few = content[::step]
+            if first_look != "frames":  # the largest known value of every stretch of frames, NaN without one
+                few = np.asarray(np.fmax.reduceat(content, np.arange(0, len(content), step), axis=0))
             file = self._save(f"{name}.overview.f32", few)
             overview = Overview(file=file, shape=list(few.shape), step=step)
         return ArrayEntry(
@@ -52,14 +54,6 @@ class ArrayFiles:
         file.parent.mkdir(parents=True, exist_ok=True)
         content.tofile(file)
         return f"{self._below}/{name}"
-
-
-def _find_largest(
-    values: np.ndarray[tuple[int, ...], np.dtype[np.float32]], step: int
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """The largest known value of every stretch of frames; NaN where none is known."""
-    edges = np.arange(0, len(values), step)
-    return np.asarray(np.fmax.reduceat(values, edges, axis=0))
 
 
 def list_plates(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:

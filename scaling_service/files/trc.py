@@ -102,8 +102,15 @@ class _Header:
 def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     first = next(text for _, text in lines if text.strip())
     if not first.strip().lower().startswith("pathfiletype"):
+        words = " ".join(text for _, text in lines[:40]).lower()
+        if "endheader" in words:
+            other = "an OpenSim table (MOT or STO), not a TRC file"
+        elif "<opensimdocument" in words or words.lstrip().startswith("<?xml"):
+            other = "an XML file, not a TRC file"
+        else:
+            other = "not a TRC file"
         raise FileUnreadable(
-            _explain_else(lines),
+            f"this is {other}",
             file=file,
             field="line 1",
             remedy="A TRC file begins with the word PathFileType",
@@ -128,15 +135,6 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
         stated_markers=stated.get("nummarkers", ""),
         repairs=(*unit_repairs, *label_repairs, *layout),
     )
-
-
-def _explain_else(lines: list[tables.Line]) -> str:
-    words = " ".join(text for _, text in lines[:40]).lower()
-    if "endheader" in words:
-        return "this is an OpenSim table (MOT or STO), not a TRC file"
-    if "<opensimdocument" in words or words.lstrip().startswith("<?xml"):
-        return "this is an XML file, not a TRC file"
-    return "this is not a TRC file"
 
 
 def _find(lines: list[tables.Line], word: str, file: Path) -> int:
@@ -263,7 +261,11 @@ def restore_clock(
     frame = _number_frames(times, stated_hz)
     rate, repairs = stated_hz, list(counted)
     if frame is None:
-        frame, rate = _measure_clock(times, measured_hz)
+        # From the times alone: by their span, then (if frames are absent) by the median step
+        for rate in ((len(times) - 1) / float(times[-1] - times[0]), measured_hz):
+            frame = _number_frames(times, rate)
+            if frame is not None:
+                break
         note = (
             "no usable rate is stated"
             if not np.isfinite(stated_hz)
@@ -334,16 +336,6 @@ def _number_frames(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
         return None
     numbers: NDArray[np.intp] = frame.astype(np.intp)
     return numbers
-
-
-def _measure_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | None, float]:
-    """Frames and rate from the times alone: by their span, then (if frames are absent) by the median step."""
-    span_hz = (len(times) - 1) / float(times[-1] - times[0])
-    for rate in (span_hz, median_hz):
-        frame = _number_frames(times, rate)
-        if frame is not None:
-            return frame, rate
-    return None, median_hz
 
 
 def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "m"] = "mm") -> None:

@@ -338,15 +338,9 @@ def _split(name: str) -> Iterator[Section]:
             if heading:
                 title, heading = token.content, False
             else:
-                text.append(_strip_marks(token))
+                parts = [child.content or " " for child in token.children or ()]
+                text.append(token.content if token.children is None else "".join(parts))
     yield Section(page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text))
-
-
-def _strip_marks(token: Token) -> str:
-    """The words of a block, without its marks."""
-    if token.children is None:
-        return token.content
-    return "".join(child.content or " " for child in token.children)
 
 
 def search(words: str) -> list[Section]:

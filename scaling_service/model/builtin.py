@@ -267,7 +267,13 @@ def expand(
             left.append(_mirror_segment(segment))
             left_coordinates += [replace(c, name=_mirror_name(c.name)) for c in moved]
     for entries, weight in ((written.markers, 1.0), (written.landmarks, 0.0)):
-        markers += [marker for entry in entries for marker in _make_markers(entry, weight)]
+        for worn in entries:
+            anatomical = weight > 0.0 and not worn.tracking
+            markers.append(Marker.at(worn.name, worn.segment, worn.at, weight=weight, anatomical=anatomical))
+            if worn.mirrored:
+                x, y, z = worn.at
+                name, owner = f"L{worn.name[1:]}", _mirror_name(worn.segment)
+                markers.append(Marker.at(name, owner, (x, y, -z), weight=weight, anatomical=anatomical))
     model = BodyModel(
         name=written.name,
         segments=(*segments, *left),
@@ -294,16 +300,6 @@ def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector
     com = tuple(o + entry.length * c / 100.0 for o, c in zip(entry.origin, com_pct, strict=True))
     moments = [math.copysign(mass * (r * entry.length / 100.0) ** 2, r) if r else 0.0 for r in radii]
     return mass, to_vector(com), to_tensor(moments)
-
-
-def _make_markers(entry: _Marker, weight: float) -> list[Marker]:
-    anatomical = weight > 0.0 and not entry.tracking
-    markers = [Marker.at(entry.name, entry.segment, entry.at, weight=weight, anatomical=anatomical)]
-    if entry.mirrored:
-        x, y, z = entry.at
-        name, segment = f"L{entry.name[1:]}", _mirror_name(entry.segment)
-        markers.append(Marker.at(name, segment, (x, y, -z), weight=weight, anatomical=anatomical))
-    return markers
 
 
 def _mirror_segment(segment: Segment) -> Segment:

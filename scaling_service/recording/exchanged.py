@@ -132,7 +132,9 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     if not len(rows):
         return wrong
     seen = line[rows]
-    outwards = np.full(len(rows), np.nan) if rightwards is None else _compute_cosines(seen, rightwards[rows])
+    outwards = np.full(len(rows), np.nan)
+    if rightwards is not None:
+        outwards = np.einsum("fi,fi->f", _normalise(seen), rightwards[rows])
     turned = np.cumsum(np.concatenate(([False], _find_jumps(seen, outwards, times[rows])))) % 2 == 1
     known = [outwards[(turned == part) & np.isfinite(outwards)] for part in (False, True)]
     inside = [float(np.median(values)) if len(values) else float("nan") for values in known]
@@ -147,11 +149,6 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     wrong[rows[0] :] = guilty[np.searchsorted(rows, np.arange(rows[0], len(line)), side="right") - 1]
     wrong[rows[-1] + 1 :] = False
     return wrong
-
-
-def _compute_cosines(line: Array, rightwards: Array) -> Array:
-    cosines: Array = np.einsum("fi,fi->f", _normalise(line), rightwards)
-    return cosines
 
 
 def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:

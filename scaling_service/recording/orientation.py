@@ -117,7 +117,8 @@ def decide(
     """
     factor, unit_repairs = find_unit_factor(trial)
     positions = trial.markers * factor
-    where = _group_by_role(positions, trial.labels, roles or {})
+    known = roles or {}
+    where = {known[label]: positions[:, k] for k, label in enumerate(trial.labels) if label in known}
     up_vector, forward_vector = check_axes(up, forward)
     if up_vector is None:
         up_vector, why_up = _find_up(positions, where, forward_vector, upright, level)
@@ -175,10 +176,6 @@ def stand_along(orientation: Orientation, vertical: int) -> Orientation:
     elif vertical == 2:
         turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     return replace(orientation, R_new_old=turn @ orientation.R_new_old + 0.0, vertical=vertical)
-
-
-def _group_by_role(positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]) -> dict[str, Array]:
-    return {roles[label]: positions[:, k] for k, label in enumerate(labels) if label in roles}
 
 
 def _average_markers(where: Mapping[str, Array], names: frozenset[str]) -> Array | None:

@@ -91,9 +91,13 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
             np.fmin(best, np.linalg.norm(at - nearest, axis=-1), out=best)
     on_floor, notes = _find_resting([feet[f] for f in names], forces.times, forces.name)
     foot = np.full(loaded.shape, NOBODY, dtype=np.intp)
-    spells = [(k, slice(*run)) for k, one in enumerate(loaded.T) for run in _find_contacts(one, forces.times)]
+    step = float(np.median(np.diff(forces.times))) if len(forces.times) > 1 else 0.0
+    runs = [(k, *run) for k, one in enumerate(loaded.T) for run in find_runs(one).tolist()]
+    spells = [(k, slice(start, stop)) for k, start, stop in runs if (stop - start) * step >= BRIEF_S]
     for k, rows in spells:
-        foot[rows, k] = _choose_foot(away[:, rows, k])
+        typical = [_take_median(distances) for distances in away[:, rows, k]]
+        nearest = int(np.argmin(typical))
+        foot[rows, k] = nearest if typical[nearest] < REACH_M else NOBODY
     for k, rows in spells:
         if foot[rows.start, k] == NOBODY and bool(
             np.median(forces.pressing[rows, k]) > ALIKE * np.nanmax(forces.pressing)
@@ -178,18 +182,6 @@ def _measure_belt(heights: Array, velocities: Array) -> Array:
     velocity = velocity[np.isfinite(velocity).all(axis=1)]
     belt = np.median(velocity, axis=0) if len(velocity) else np.zeros(2)
     return belt if np.linalg.norm(belt) > FAST_M_S else np.zeros(2)
-
-
-def _find_contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return [(a, b) for a, b in find_runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
-
-
-def _choose_foot(away: Array) -> int:
-    """The foot of one contact from distances (n_feet, n)."""
-    typical = [_take_median(distances) for distances in away]
-    nearest = int(np.argmin(typical))
-    return nearest if typical[nearest] < REACH_M else NOBODY
 
 
 def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> int:

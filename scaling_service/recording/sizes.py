@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -137,7 +137,9 @@ def _measure_sizes(trial: Trial, people: DimensionPrior, *, standing: bool) -> I
     where = {
         role: (label, trial.position(label)[::step]) for label, role in findings.list_roles(trial).items()
     }
-    sides = [_on_side(size, side) for size in _SIZES for side in "RL"]
+    sides = [
+        replace(size, ends=(side + size.ends[0], side + size.ends[1])) for size in _SIZES for side in "RL"
+    ]
     for size in (*sides, *_ACROSS):
         if all(end in where for end in size.ends):
             (a, one), (b, other) = (where[end] for end in size.ends)
@@ -244,8 +246,3 @@ def _ask_sizes_of(
             f"{abs(scale) / sd:.1f} standard deviations off",
             remedy="Check the person's height and the calibration of the volume",
         )
-
-
-def _on_side(size: _Size, side: str) -> _Size:
-    one, other = size.ends
-    return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, at_most=size.at_most)

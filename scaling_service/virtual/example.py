@@ -29,7 +29,7 @@ from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Bone, ImageEvidence, ImagePose, Trial
+from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.artefact import glide_marker
 from scaling_service.virtual.bones.person import make_virtual_bones
@@ -150,9 +150,17 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
         away = np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field))
         bones[name] = Bone(_place_points(pose, vertices + spread * away), faces)
     knees = {knee: compute_axis(tilt) for knee, tilt in person.tilts.items()}
+    # Where the person wears them, misplaced as in the recordings, as far as they can be located
+    spread = 1e-3 * person.settings.image * MARKER_MM
+    worn = {}
+    for marker in person.model.markers:
+        if marker.weight > 0.0:
+            at = _place_points(poses[marker.segment], np.array(marker.nominal))
+            error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
+            worn[marker.name] = (marker.segment, body.to_vector(at + error))
     return VirtualImage(
         bones=bones,
-        markers=_place_markers(person, poses),
+        markers=worn,
         centres={
             name: body.to_vector(_place_points(poses[segment], np.array(at)))
             for name, (segment, at) in find_joint_centres(person.model).items()
@@ -180,20 +188,6 @@ def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None
 def _place_points(pose: ImagePose, points: Array) -> Array:
     """Points of a segment, (n, 3) or (3,), in the image, m."""
     return points @ pose.rotation.T + pose.origin
-
-
-def _place_markers(
-    person: VirtualSubject, poses: Mapping[str, ImagePose]
-) -> dict[str, tuple[str, body.Vector]]:
-    """Where the person wears them, misplaced as in the recordings, as far as they can be located."""
-    spread = 1e-3 * person.settings.image * MARKER_MM
-    found = {}
-    for marker in person.model.markers:
-        if marker.weight > 0.0:
-            at = _place_points(poses[marker.segment], np.array(marker.nominal))
-            error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
-            found[marker.name] = (marker.segment, body.to_vector(at + error))
-    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,13 +231,12 @@ def make_demo_session(
     person = make_virtual_subject(seed, settings or VirtualSettings())
     trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
     session = make_session(person, person.generic, trials)
-    return replace(session, images=_read_image(person, progress) if images else None), person
-
-
-def _read_image(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
-    report = progress or show_nothing
-    image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
-    return read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
+    if images:
+        report = progress or show_nothing
+        image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
+        found = read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
+        session = replace(session, images=found)
+    return session, person
 
 
 def make_hidden_session(
@@ -265,24 +258,18 @@ def make_hidden_session(
         # The recording with the marker where its skin took it; noise and gaps stay.
         q, names = person.motions[trial.name], trial.labels
         away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
-        trials[name] = _swap_labels(replace(trial, markers=trial.markers + away))
+        markers = trial.markers + away
+        if name == SWAPPED.trial:
+            pair = [trial.index(label) for label in SWAPPED.where]
+            start, end = SWAPPED.parameters["start_s"], SWAPPED.parameters["end_s"]
+            rows = np.flatnonzero((trial.times >= start - 1e-9) & (trial.times <= end + 1e-9))
+            markers[rows[:, None], pair] = markers[rows[:, None], pair[::-1]]
+        trials[name] = replace(trial, markers=markers)
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
 
 
 def _place_marker(model: body.BodyModel, names: tuple[str, ...], q: Array) -> Array:
     return pose_markers(compile_model(model, names), q, list_parameter_values(model))
-
-
-def _swap_labels(trial: Trial) -> Trial:
-    """The recording with two labels exchanged for a while, where it is the one."""
-    if trial.name != SWAPPED.trial:
-        return trial
-    pair = [trial.index(name) for name in SWAPPED.where]
-    start, end = SWAPPED.parameters["start_s"], SWAPPED.parameters["end_s"]
-    rows = np.flatnonzero((trial.times >= start - 1e-9) & (trial.times <= end + 1e-9))
-    markers = trial.markers.copy()
-    markers[rows[:, None], pair] = markers[rows[:, None], pair[::-1]]
-    return replace(trial, markers=markers)
 
 
 def write_example(

@@ -105,20 +105,16 @@ def draw_style(rng: np.random.Generator, sex: Literal["F", "M"]) -> Style:
     straight = -read_gait_curves()["knee_flexion"].mean - float(swing.min())
     offsets["knee_flexion"] = max(offsets["knee_flexion"], straight)
     tilt = read_gait_curves()["pelvis_anterior_tilt"].mean + offsets["pelvis_anterior_tilt"]
-    stance = _find_standing_pose(tilt, rng)
-    return Style(float(rng.uniform(*STRIDE_S[sex])), offsets, gains, stance)
-
-
-def _find_standing_pose(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
-    """Upright on both feet: the legs hang below a tilted pelvis, knees nearly straight (angles chosen)."""
-    stance = {"pelvis_tilt": -tilt_deg, "pelvis_list": 0.0, "pelvis_rotation": 0.0}
+    # Upright on both feet: the legs hang below a tilted pelvis, knees nearly straight (angles chosen).
+    stance = {"pelvis_tilt": -tilt, "pelvis_list": 0.0, "pelvis_rotation": 0.0}
     for side in OTHER:
         knee = float(rng.uniform(0.0, 6.0))
         stance[f"knee_angle_{side}"] = knee
-        stance[f"hip_flexion_{side}"] = tilt_deg + 0.5 * knee
+        stance[f"hip_flexion_{side}"] = tilt + 0.5 * knee
         stance[f"hip_adduction_{side}"] = float(rng.uniform(-5.0, -1.0))
         stance[f"hip_rotation_{side}"] = float(rng.normal(-3.0, 3.0))
-    return {name: float(np.radians(value)) for name, value in stance.items()}
+    stance = {name: float(np.radians(value)) for name, value in stance.items()}
+    return Style(float(rng.uniform(*STRIDE_S[sex])), offsets, gains, stance)
 
 
 def draw_wandering(rng: np.random.Generator, times: Array, sd: float, highest_hz: float) -> Array:
@@ -213,7 +209,8 @@ def simulate_walking(
     q = _simulate_coordinates(model, angles)
     ankles = _find_ankles(model, q)
     planted = {"r": _find_planted(phase), "l": _find_planted(phase + 0.5)}
-    slopes = [_measure_foot_velocity(times, ankles[s][:, 0], planted[s]) for s in OTHER]
+    # Mean velocity (m/s) of each ankle against the pelvis while the foot is flat on the floor
+    slopes = [float(np.gradient(ankles[s][:, 0], times)[planted[s]].mean()) for s in OTHER]
     rise = -_RISE_M * np.cos(4.0 * np.pi * (phase - _LOWEST))
     heights = np.concatenate([(ankles[s][:, 1] + rise)[planted[s]] for s in OTHER])
     x, y, z = _find_position_columns(model)
@@ -281,9 +278,3 @@ def _find_position_columns(model: BodyModel) -> list[int]:
 
 def _find_planted(phase: Array) -> NDArray[np.bool_]:
     return (phase % 1.0 > _FLAT[0]) & (phase % 1.0 < _FLAT[1])
-
-
-def _measure_foot_velocity(times: Array, x: Array, planted: NDArray[np.bool_]) -> float:
-    """Mean velocity (m/s) of the ankle against the pelvis while the foot is flat on the floor."""
-    speed = np.gradient(x, times)
-    return float(speed[planted].mean())

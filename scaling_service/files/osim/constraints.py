@@ -83,8 +83,11 @@ def read_constraint(constraint: Any) -> Constraint:
         )
     own = getattr(library, kind).safeDownCast(constraint)
     frames = list_end_frames(constraint)
-    ends = tuple(_read_end(name, frame, getattr(own, f"get_{place}")()) for frame, place in frames)
-    found = Constraint(name=name, kind=POINTS[kind][0], ends=ends)
+    points = []
+    for frame, where in frames:
+        at = frame.findTransformInBaseFrame().shiftFrameStationToBase(getattr(own, f"get_{where}")())
+        points.append(Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(at))))
+    found = Constraint(name=name, kind=POINTS[kind][0], ends=tuple(points))
     if kind == "ConstantDistanceConstraint":
         return replace(found, distance=own.get_constant_distance())
     if kind == "PointOnLineConstraint":
@@ -100,11 +103,6 @@ def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:
     cast = import_opensim().PhysicalFrame.safeDownCast
     _, ends = POINTS[constraint.getConcreteClassName()]
     return [(cast(constraint.getConnectee(socket)), place) for socket, place in ends]
-
-
-def _read_end(name: str, frame: Any, location: Any) -> Marker:
-    place = frame.findTransformInBaseFrame().shiftFrameStationToBase(location)
-    return Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(place)))
 
 
 def resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:

@@ -187,7 +187,12 @@ def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent:
     kind, name = joint.getConcreteClassName(), joint.getName()
     if kind == "CustomJoint":
         transform = import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
-        axes = [_read_custom_axis(transform.getTransformAxis(k), k >= 3, ranges, name) for k in range(6)]
+        axes: list[Axis] = []
+        for k in range(6):
+            axis = transform.getTransformAxis(k)
+            law = read_law(axis.getFunction(), list_strings(axis.getCoordinateNamesInArray()), ranges, name)
+            moves_by: Kind = "translation" if k >= 3 else "rotation"
+            axes.append((moves_by, list_numbers(axis.get_axis()), law, not is_pure(axis.getFunction())))
     elif kind in _FIXED_JOINTS:
         axes = [
             (what, axis, Law.of(joint.get_coordinates(k).getName()), False)
@@ -197,12 +202,6 @@ def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent:
         raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
     moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
     return sorted(moves, key=lambda move: move.kind == "rotation")
-
-
-def _read_custom_axis(axis: Any, translates: bool, ranges: Mapping[str, Range], joint: str) -> Axis:
-    law = read_law(axis.getFunction(), list_strings(axis.getCoordinateNamesInArray()), ranges, joint)
-    kind: Kind = "translation" if translates else "rotation"
-    return kind, list_numbers(axis.get_axis()), law, not is_pure(axis.getFunction())
 
 
 def is_pure(function: Any) -> bool:

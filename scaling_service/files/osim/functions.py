@@ -86,7 +86,15 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
         return _fit_law(polynomial, [lower, upper], len(coefficients) - 1, coordinate, component)
     if kind in _SPLINE_DEGREE:
         spline = getattr(library, kind).safeDownCast(function)
-        return _read_spline(spline, _SPLINE_DEGREE[kind](spline), coordinate, component)
+        degree = _SPLINE_DEGREE[kind](spline)
+        knots = [spline.getX(k) for k in range(spline.getSize())]
+        if len(knots) < 2 or any(b <= a for a, b in pairwise(knots)):
+            raise ModelRefused(
+                f"the {spline.getConcreteClassName()} of '{component}' needs at least two increasing knots",
+                field=component,
+                remedy="Sort the points and remove doubled ones",
+            )
+        return _fit_law(spline, knots, degree, coordinate, component)
     if kind == "StepFunction":
         step = library.StepFunction.safeDownCast(function)
         return _fit_law(
@@ -115,17 +123,6 @@ def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequenc
 def _is_range(span: Range) -> bool:
     lower, upper = span
     return math.isfinite(lower) and math.isfinite(upper) and 0.0 < upper - lower < 4.0 * math.pi
-
-
-def _read_spline(function: Any, degree: int, coordinate: str, component: str) -> Law:
-    knots = [function.getX(k) for k in range(function.getSize())]
-    if len(knots) < 2 or any(b <= a for a, b in pairwise(knots)):
-        raise ModelRefused(
-            f"the {function.getConcreteClassName()} of '{component}' needs at least two increasing knots",
-            field=component,
-            remedy="Sort the points and remove doubled ones",
-        )
-    return _fit_law(function, knots, degree, coordinate, component)
 
 
 def _fit_law(

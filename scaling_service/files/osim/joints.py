@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -164,20 +164,17 @@ def _find_crossings(outer: Shape, inner: Law) -> list[float]:
     found = set(known)
     for start, end, piece in zip(known, known[1:], pieces.coefficients, strict=False):
         for level in outer.breaks:
-            found.update(start + r for r in _find_real_roots(piece, level) if 0.0 < r < end - start)
+            moved = np.array(piece)
+            moved[-1] -= level
+            nothing = np.abs(moved) < 1e-14 * np.abs(moved).max(initial=1e-300)
+            roots = [float(r.real) for r in np.roots(np.where(nothing, 0.0, moved)) if abs(r.imag) < 1e-9]
+            found.update(start + root for root in roots if 0.0 < root < end - start)
     # Sorted, with points closer than rounding merged.
     kept: list[float] = []
     for point in sorted(found):
         if not kept or point - kept[-1] > 1e-9:
             kept.append(point)
     return kept
-
-
-def _find_real_roots(piece: Sequence[float], level: float) -> Iterable[float]:
-    moved = np.array(piece)
-    moved[-1] -= level
-    roots = np.roots(np.where(np.abs(moved) < 1e-14 * np.abs(moved).max(initial=1e-300), 0.0, moved))
-    return (float(r.real) for r in roots if abs(r.imag) < 1e-9)
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,21 +96,25 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
         side = None if each["side"] is None else to_vector(each["side"])
         own = {"origin": to_vector(each["origin"]), "axes": (x, y, z), "sizes": tuple(each["sizes"])}
         surfaces.append(WrapSurface(**{**each, **own, "side": side}))
+    places = ("first", "middle", "last")
     return Musculature(
         muscles=tuple(muscles),
         surfaces=tuple(surfaces),
         movers=tuple(segment for segment in moving.segments if segment.name in names),
         q=q,
         contacts=tuple(
-            tuple(tuple(_make_contact(*found) for found in row) for row in pose)
+            tuple(
+                tuple(
+                    Contact(
+                        surface=surface, after=after, **dict(zip(places, map(to_vector, at), strict=True))
+                    )
+                    for surface, after, *at in row
+                )
+                for row in pose
+            )
             for pose in answer["contacts"]
         ),
     )
-
-
-def _make_contact(surface: str, after: int, first: Array, middle: Array, last: Array) -> Contact:
-    places = {"first": to_vector(first), "middle": to_vector(middle), "last": to_vector(last)}
-    return Contact(surface=surface, after=after, **places)
 
 
 def _list_values(model: BodyModel, columns: Mapping[str, Array]) -> dict[str, list[float]]:

@@ -13,10 +13,10 @@ from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.chains import X, Y, Z
 from scaling_service.files.osim.constraints import substitute_all
 from scaling_service.files.osim.from_opensim import read_body_model
-from scaling_service.files.osim.functions import Range, read_law, read_number
+from scaling_service.files.osim.functions import read_law, read_number
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
 from scaling_service.files.osim.muscle_paths import Posed, find_path, place_in_body
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
+from scaling_service.model.body import BodyModel, Joint, Segment, Vector, to_vector
 from scaling_service.model.document import to_document
 from scaling_service.model.muscles import Muscle, PathPoint, SurfaceKind, WrapSurface, name_point
 
@@ -84,21 +84,15 @@ def _list_movers(osim: Any, muscles: list[Any], model: BodyModel) -> Iterator[Se
                     field=point.getName(),
                     remedy="Put it into the body",
                 )
-            laws = [substitute_all(law, follows) for law in _read_motion(moving, ranges)]
-            joints = tuple(
-                Joint("translation", to_vector(axis), law)
-                for axis, law in zip((X, Y, Z), laws, strict=True)
-                if law.terms
-            )
+            joints = []
+            for word, axis in zip("xyz", (X, Y, Z), strict=True):
+                function = getattr(moving, f"get_{word}_location")()
+                coordinates = [getattr(moving, f"get{word.upper()}Coordinate")().getName()]
+                law = substitute_all(read_law(function, coordinates, ranges, moving.getName()), follows)
+                if law.terms:
+                    joints.append(Joint("translation", to_vector(axis), law))
             parent, name = moving.getParentFrame().getName(), name_point(muscle.getName(), k)
-            yield Segment(name=name, parent=parent, joint_name=name, joints=joints)
-
-
-def _read_motion(point: Any, ranges: Mapping[str, Range]) -> Iterator[Law]:
-    for axis in "xyz":
-        function = getattr(point, f"get_{axis}_location")()
-        coordinates = [getattr(point, f"get{axis.upper()}Coordinate")().getName()]
-        yield read_law(function, coordinates, ranges, point.getName())
+            yield Segment(name=name, parent=parent, joint_name=name, joints=tuple(joints))
 
 
 def _read_surface(wrap: Any, segment: str) -> WrapSurface:

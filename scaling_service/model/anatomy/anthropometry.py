@@ -161,7 +161,14 @@ def predict_dimensions(
         whole, of_sizes = _with_lengths(body, one, child).weigh(measured)
         parts.append(whole)
         scores.append(np.log(weight) + of_body + of_sizes)
-    return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
+    # The Gaussian with the mean and covariance of the mixture
+    weights = np.exp(np.array(scores) - max(scores))
+    weights = weights / weights.sum()
+    means = np.array([part.mean for part in parts])
+    mean = weights @ means
+    apart = np.sqrt(weights)[:, None] * (means - mean)
+    within = sum(w * part.covariance for w, part in zip(weights, parts, strict=True))
+    return DimensionPrior(parts[0].names, mean, within + apart.T @ apart)
 
 
 def read_soldiers(sex: Sex) -> DimensionPrior:
@@ -259,16 +266,6 @@ def _open_sides() -> tuple[tuple[str, ...], Array, Array]:
             copies.append(row)
             unlike.append(half * sides.get(length, 0.0) * row)
     return tuple(names), np.array(copies), np.array(unlike)
-
-
-def _match_moments(parts: list[DimensionPrior], weights: Array) -> DimensionPrior:
-    """The Gaussian with the mean and covariance of a mixture."""
-    weights = weights / weights.sum()
-    means = np.array([part.mean for part in parts])
-    mean = weights @ means
-    apart = np.sqrt(weights)[:, None] * (means - mean)
-    within = sum(w * part.covariance for w, part in zip(weights, parts, strict=True))
-    return DimensionPrior(parts[0].names, mean, within + apart.T @ apart)
 
 
 @cache

@@ -241,8 +241,12 @@ def construct_centres(
     axes = None if pelvis is None else pelvis.frame.rotation
 
     def keep(name: str, centre: Centre | None) -> None:
+        offset = (errors or {}).get(name)
+        if centre is not None and offset is not None:
+            offset = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
+            centre = replace(centre, at=centre.at + offset)
         if centre is not None:
-            found[name] = _shift_centre(centre, (errors or {}).get(name), axes)
+            found[name] = centre
 
     for name, centre in tuple(found.items()):
         keep(name, centre)
@@ -261,13 +265,6 @@ def construct_centres(
             if joint == "ankle" and middle is not None:
                 keep(f"{joint}_{side}_chord", chord)
     return found
-
-
-def _shift_centre(centre: Centre, offset: Array | None, axes: Array | None) -> Centre:
-    if offset is None:
-        return centre
-    turned = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
-    return replace(centre, at=centre.at + turned)
 
 
 def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre]:

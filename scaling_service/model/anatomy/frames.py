@@ -234,7 +234,10 @@ def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike =
     if thigh is not None and shank is not None:
         found |= zip(KNEE, compute_knee_angles(thigh, shank, side).T, strict=True)
     if foot is not None and shank_at_ankle is not None:
-        found |= zip(ANKLE, _compute_ankle_angles(shank_at_ankle, foot, side).T, strict=True)
+        # Dorsiflexion, and inward rotation after it, of a foot that is a line
+        forward, up, right = np.einsum("nji,nj->in", shank_at_ankle.rotation, foot)
+        turned = np.arctan2(right, np.hypot(forward, up))
+        found |= zip(ANKLE, (np.arctan2(up, forward), -turned if side == "r" else turned), strict=True)
     if foot is not None:
         inward = 1.0 if side == "r" else -1.0
         found[FOOT[0]] = inward * _wrap_half_turn(np.arctan2(-foot[:, 2], foot[:, 0]) - np.asarray(heading))
@@ -253,13 +256,6 @@ def _build_shank(points: Points, letter: str, side: Side, lateral: str) -> Frame
         return None
     knee, ankle, beside = (np.atleast_2d(points[name]) for name in names)
     return build_tibia_frame(knee, ankle, beside, ankle, side)
-
-
-def _compute_ankle_angles(shank: Frames, foot: Array, side: Side) -> Array:
-    """Dorsiflexion, and inward rotation after it, of a foot that is a line."""
-    forward, up, right = np.einsum("nji,nj->in", shank.rotation, foot)
-    inward = -1.0 if side == "r" else 1.0
-    return np.column_stack([np.arctan2(up, forward), inward * np.arctan2(right, np.hypot(forward, up))])
 
 
 def _wrap_half_turn(angle: ArrayLike) -> Array:

@@ -237,7 +237,13 @@ def _with_inertia(
     radii = np.where(np.isnan(first.radii()), last.radii(), first.radii())
     mass = first.row.mass_pct / 100.0 * person.mass_kg
     products = first.length * np.array(first.row.products_pct) / 100.0
-    tensor, changed = find_possible_tensor(_make_tensor(mass, radii, products, side))
+    xy, xz, yz = mass * np.sign(products) * products**2
+    if side == "l":
+        xz, yz = -xz, -yz
+    tensor = np.diag(mass * radii**2)
+    for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), (xy, xz, yz), strict=True):
+        tensor[i, j] = tensor[j, i] = value
+    tensor, changed = find_possible_tensor(tensor)
     if changed:
         notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
     return replace(segment, mass=mass, com=to_vector(com), inertia=take_six(tensor))
@@ -246,16 +252,6 @@ def _with_inertia(
 def _split_side(name: str) -> tuple[str, str]:
     """A segment's name without its side, and the side."""
     return (name[:-2], name[-1]) if name[-2:] in ("_r", "_l") else (name, "")
-
-
-def _make_tensor(mass: float, radii: Array, products: Array, side: str) -> Array:
-    xy, xz, yz = mass * np.sign(products) * products**2
-    if side == "l":
-        xz, yz = -xz, -yz
-    tensor = np.diag(mass * radii**2)
-    for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), (xy, xz, yz), strict=True):
-        tensor[i, j] = tensor[j, i] = value
-    return tensor
 
 
 def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -> list[Segment]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 
 from scaling_service.model.body import BodyModel, Marker
@@ -43,11 +43,13 @@ def read_body() -> BodyModel:
     model = load_builtin(_MODEL)
     own = [m for m in model.markers if m.weight > 0.0 and m.name not in _NOT_MARKED]
     sacral = Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
-    return model.with_markers((*own, sacral, *_make_more()))
-
-
-def _make_more() -> Iterator[Marker]:
-    for name, (segment, (x, y, z)) in MORE.items():
-        for side, sign in (("R", 1.0), ("L", -1.0)):
-            owner = segment if segment == "pelvis" else f"{segment}_{side.lower()}"
-            yield Marker.at(f"{side}{name}", owner, (x, y, sign * z))
+    more = [
+        Marker.at(
+            f"{side}{name}",
+            segment if segment == "pelvis" else f"{segment}_{side.lower()}",
+            (x, y, z if side == "R" else -z),
+        )
+        for name, (segment, (x, y, z)) in MORE.items()
+        for side in "RL"
+    ]
+    return model.with_markers((*own, sacral, *more))

@@ -248,17 +248,13 @@ def _build_leg(
 def _find_places(person: subject.VirtualSubject, side: leg.Side) -> leg.Places:
     """Under the skin of malleoli and fibula's head, as of a right leg."""
     outward = np.array([0.0, 0.0, 1.0])
-    lateral, medial, head = (_take_right(person, side, name) for name in ("LM", "MM", "FH"))
+    found = (_find_skin_place(person, f"{side.upper()}{name}") for name in ("LM", "MM", "FH"))
+    lateral, medial, head = (at if side == "r" else at * _LEFT for at in found)
     return leg.Places(
         lateral - _measure_depth("LM") * outward,
         medial + _measure_depth("MM") * outward,
         head - _measure_depth("FH") * outward,
     )
-
-
-def _take_right(person: subject.VirtualSubject, side: leg.Side, name: str) -> Array:
-    at = _find_skin_place(person, f"{side.upper()}{name}")
-    return at if side == "r" else at * _LEFT
 
 
 def _find_skin_place(person: subject.VirtualSubject, marker: str) -> Array:

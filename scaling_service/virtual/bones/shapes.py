@@ -214,6 +214,8 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
     ``step`` (m): of the grid; edges are about as long. Returns ``vertices`` ((n, 3), m); ``faces`` ((m, 3)):
     closed, corners counter-clockwise seen from outside.
     """
+    import pyvista  # only here: it takes half a second, which who makes no bones should not wait
+
     low = shape.low - 2.0 * step
     size = np.ceil((shape.high - low) / step).astype(int) + 3
     # Distances at all grid points, x fastest, in steps; none nearly zero.
@@ -224,8 +226,11 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
         points = low + step * np.column_stack([x.ravel(), y.ravel(), z.ravel()])
         field[block] = shape.distance(points).reshape(x.shape) / step
     field = np.where(np.abs(field) < _LEAST, np.copysign(_LEAST, field), field)
-    vertices, faces = _contour_field(np.asarray(field.ravel()), size)
-    vertices = low + step * vertices
+    # Where the field changes sign: corners (n, 3) in steps, and faces that look towards larger values
+    grid = pyvista.ImageData(dimensions=tuple(int(n) for n in size))
+    found = grid.contour([0.0], scalars=field.ravel(), compute_normals=False, method="flying_edges")
+    faces = np.asarray(found.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
+    vertices = low + step * np.asarray(found.points, dtype=float)
     for _ in range(_PULLS):
         # From each point's foot on the surface to the point, (n, 3), m: distance along slope (Newton).
         order = np.argsort(vertices[:, 1], kind="stable")
@@ -242,13 +247,3 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
             pull[chunk] = np.asarray(value[:n, None] * slope / square[:, None])
         vertices = vertices - pull
     return vertices, faces
-
-
-def _contour_field(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
-    """Where a field changes sign: corners (n, 3) in steps, and faces that look towards larger values."""
-    import pyvista  # only here: it takes half a second, which who makes no bones should not wait
-
-    grid = pyvista.ImageData(dimensions=tuple(int(n) for n in size))
-    found = grid.contour([0.0], scalars=field, compute_normals=False, method="flying_edges")
-    faces = np.asarray(found.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
-    return np.asarray(found.points, dtype=float), faces

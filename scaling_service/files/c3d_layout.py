@@ -116,10 +116,11 @@ def _say_form(scale: float) -> int | None:
 def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:
     """The layout that most witnesses support and the file's length allows."""
     witnesses = _list_witnesses(facts)
-    scored = [
-        (sum(w.supports(layout) for w in witnesses), _is_filled(layout, length), layout)
-        for layout in _list_layouts(witnesses, length)
-    ]
+    scored = []
+    for layout in _list_layouts(witnesses, length):
+        # Whether the frames reach into the file's last block; some writers fill one more.
+        rest = length - BLOCK * (layout.start - 1) - layout.frames * layout.frame_bytes
+        scored.append((sum(w.supports(layout) for w in witnesses), 0 <= rest < BLOCK, layout))
     fitting = [entry for entry in scored if _count_held(entry[2], length) >= entry[2].frames]
     if not fitting:
         if not scored:
@@ -171,12 +172,6 @@ def _count_held(layout: Layout, length: int) -> int:
     """Whole frames that stand between the first and the end of the file."""
     left = length - BLOCK * (layout.start - 1)
     return left // layout.frame_bytes if layout.frame_bytes and left > 0 else 0
-
-
-def _is_filled(layout: Layout, length: int) -> bool:
-    """Whether the frames reach into the file's last block; some writers fill one more."""
-    rest = length - BLOCK * (layout.start - 1) - layout.frames * layout.frame_bytes
-    return 0 <= rest < BLOCK
 
 
 def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout]:
@@ -241,21 +236,15 @@ def find_rate(facts: Facts, layout: Layout, file: Path) -> tuple[float, tuple[Re
             field="POINT:RATE",
             remedy="Correct the rate in the recording software and export again",
         )
-    notes = [
-        Repair(
-            what="rate",
-            where=where,
-            detail=f"{_say_rate(where, value, layout)}; {rate:g} Hz was taken for the frames",
-        )
-        for where, value in stated.items()
-        if where != "TRIAL:CAMERA_RATE" and not abs(value - rate) <= SAME * rate
-    ]
+    notes = []
+    for where, value in stated.items():
+        if where == "TRIAL:CAMERA_RATE" or abs(value - rate) <= SAME * rate:
+            continue
+        said = f"it says {value:g} Hz" if np.isfinite(value) else "no rate is stated"
+        if where == "ANALOG:RATE" and np.isfinite(value):
+            said = (
+                f"it says {value * layout.per_frame:g} Hz, the file holds {layout.per_frame} samples a frame"
+            )
+        detail = f"{said}; {rate:g} Hz was taken for the frames"
+        notes.append(Repair(what="rate", where=where, detail=detail))
     return rate, tuple(notes)
-
-
-def _say_rate(where: str, value: float, layout: Layout) -> str:
-    if not np.isfinite(value):
-        return "no rate is stated"
-    if where != "ANALOG:RATE":
-        return f"it says {value:g} Hz"
-    return f"it says {value * layout.per_frame:g} Hz, the file holds {layout.per_frame} samples a frame"

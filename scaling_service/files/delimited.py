@@ -99,7 +99,17 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
         detail = f"{dropped} markers without a label were left out"
         notes.append(Repair(what="unlabelled", where="columns", detail=detail))
     metres, of_unit = _find_unit(layout.unit, positions, file)
-    times = _find_times(layout, body, file)
+    if layout.time is not None:
+        times = _read_numbers(body, [layout.time], file)[:, 0] / layout.per_second
+    elif np.isfinite(layout.rate_hz):
+        times = np.arange(len(body)) / layout.rate_hz
+    else:
+        raise TrialUnusable(
+            "the table states neither times nor a frame rate",
+            file=file,
+            field="time",
+            remedy="Add a column 'time' with the time of each row in seconds",
+        )
     tables.check_times(times, file, [number for number, _ in body])
     times, positions, rate, clock = restore_clock(times, positions * metres, layout.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
@@ -158,19 +168,6 @@ def _find_unit(unit: str, positions: Array, file: Path) -> tuple[float, tuple[Re
         file=file,
         field="unit",
         remedy="State it behind the name of a column, such as LASI_x (mm)",
-    )
-
-
-def _find_times(layout: _Layout, body: Sequence[tuple[int, Row]], file: Path) -> Array:
-    if layout.time is not None:
-        return _read_numbers(body, [layout.time], file)[:, 0] / layout.per_second
-    if np.isfinite(layout.rate_hz):
-        return np.arange(len(body)) / layout.rate_hz
-    raise TrialUnusable(
-        "the table states neither times nor a frame rate",
-        file=file,
-        field="time",
-        remedy="Add a column 'time' with the time of each row in seconds",
     )
 
 

@@ -45,7 +45,20 @@ def add_muscles(
                 ET.SubElement(course, "site", site=part.name)
                 continue
             if part.surface.name not in drawn:
-                _add_surface(bodies, part)
+                surface = part.surface
+                x, y, z, w = Rotation.from_matrix(surface.axes).as_quat()
+                sizes = [surface.sizes[0], *(0.5 * size for size in surface.sizes[1:])]
+                given = {
+                    "name": surface.name,
+                    "type": surface.kind,
+                    "pos": format_numbers(surface.origin),
+                    "quat": format_numbers([w, x, y, z]),
+                    "size": format_numbers(sizes),
+                    "contype": "0",
+                    "conaffinity": "0",
+                    "group": "4",
+                }
+                ET.SubElement(bodies[surface.segment], "geom", given)
                 drawn.add(part.surface.name)
             wrapped = ET.SubElement(course, "geom", geom=part.surface.name)
             if part.side is not None:
@@ -79,23 +92,6 @@ def add_muscles(
 
 def _add_site(body: ET.Element, site: Site) -> None:
     ET.SubElement(body, "site", name=site.name, pos=format_numbers(site.at), size="0.003", group="3")
-
-
-def _add_surface(bodies: Mapping[str, ET.Element], bend: Bend) -> None:
-    surface = bend.surface
-    x, y, z, w = Rotation.from_matrix(surface.axes).as_quat()
-    sizes = [surface.sizes[0], *(0.5 * size for size in surface.sizes[1:])]
-    given = {
-        "name": surface.name,
-        "type": surface.kind,
-        "pos": format_numbers(surface.origin),
-        "quat": format_numbers([w, x, y, z]),
-        "size": format_numbers(sizes),
-        "contype": "0",
-        "conaffinity": "0",
-        "group": "4",
-    }
-    ET.SubElement(bodies[surface.segment], "geom", given)
 
 
 def _add_motor(motors: ET.Element, muscle: Muscle) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -117,9 +118,12 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     leaves no trace, so which number belongs to which column is unknown: all but the first two are dropped.
     """
     wanted = len(columns)
-    plain = _parse_plain_rows(lines, wanted)
-    if plain is not None:
-        return plain, ()
+    texts = [text for _, text in lines]
+    if texts and all(text.count("\t") == wanted - 1 for text in texts):
+        with suppress(ValueError):  # rows that are all whole, at once
+            data = np.loadtxt(texts, delimiter="\t", comments=None, ndmin=2)
+            if data.shape == (len(texts), wanted) and not np.isinf(data).any():
+                return data, ()
     tally: Counter[str] = Counter()
     rows = [_parse_row(number, text, columns, path, tally) for number, text in lines if text.strip()]
     data = np.array(rows, dtype=float).reshape(len(rows), wanted)
@@ -131,18 +135,6 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
         for need, (kind, detail) in _REPAIRS.items()
         if tally[need]
     )
-
-
-def _parse_plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
-    """Tab-delimited rows that are all whole, at once; None where anything needs a closer look."""
-    texts = [text for _, text in lines]
-    if not texts or not all(text.count("\t") == wanted - 1 for text in texts):
-        return None
-    try:
-        data = np.loadtxt(texts, delimiter="\t", comments=None, ndmin=2)
-    except ValueError:
-        return None
-    return data if data.shape == (len(texts), wanted) and not np.isinf(data).any() else None
 
 
 def _parse_row(

@@ -7,7 +7,7 @@ frames; :func:`fold` turns the parameters back into plain numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -293,15 +293,24 @@ def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
             field="knee",
             remedy="Choose a built-in leg model, or leave the knee as it is",
         )
-    segments = tuple(
-        replace(s, joints=(*s.joints, *(_make_added_turn(turn, s.name[-1]) for turn in turns)))
-        if s.name in knees
-        else s
-        for s in model.segments
-    )
-    added = {flexion: name[-1] for name, flexion in knees.items()}
-    coordinates = tuple(c for old in model.coordinates for c in _follow_joint(old, added, turns))
-    return replace(model, segments=segments, coordinates=coordinates)
+    segments = []
+    for segment in model.segments:
+        joints = list(segment.joints)
+        for turn in turns if segment.name in knees else ():
+            # Axes x and y are reversed on the left, so that both sides carry the same clinical signs.
+            side, (x, y, z) = segment.name[-1], _KNEE_AXES[turn]
+            axis = (x, y, z) if side == "r" else (-x + 0.0, -y + 0.0, z)
+            joints.append(Joint("rotation", axis, Law.of(f"knee_{turn}_{side}")))
+        segments.append(replace(segment, joints=tuple(joints)))
+    sides = {flexion: name[-1] for name, flexion in knees.items()}
+    coordinates = []
+    for coordinate in model.coordinates:
+        coordinates.append(coordinate)
+        for turn in turns if coordinate.name in sides else ():
+            reach = math.radians(_RANGE_DEG[turn])
+            name = f"knee_{turn}_{sides[coordinate.name]}"
+            coordinates.append(Coordinate(name=name, lower=-reach, upper=reach))
+    return replace(model, segments=tuple(segments), coordinates=tuple(coordinates))
 
 
 def _find_hinge(segment: Segment) -> str:
@@ -317,21 +326,6 @@ def _find_hinge(segment: Segment) -> str:
         field="knee",
         remedy="Choose a built-in leg model, or leave the knee as it is",
     )
-
-
-def _make_added_turn(turn: str, side: str) -> Joint:
-    """Axes x and y are reversed on the left, so that both sides carry the same clinical signs."""
-    x, y, z = _KNEE_AXES[turn]
-    axis = (x, y, z) if side == "r" else (-x + 0.0, -y + 0.0, z)
-    return Joint("rotation", axis, Law.of(f"knee_{turn}_{side}"))
-
-
-def _follow_joint(old: Coordinate, added: Mapping[str, str], turns: tuple[str, ...]) -> Iterator[Coordinate]:
-    yield old
-    if old.name in added:
-        for turn in turns:
-            reach = math.radians(_RANGE_DEG[turn])
-            yield Coordinate(name=f"knee_{turn}_{added[old.name]}", lower=-reach, upper=reach)
 
 
 Tilt = tuple[float, float]

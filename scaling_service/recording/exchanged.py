@@ -135,7 +135,14 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     outwards = np.full(len(rows), np.nan)
     if rightwards is not None:
         outwards = np.einsum("fi,fi->f", _normalise(seen), rightwards[rows])
-    turned = np.cumsum(np.concatenate(([False], _find_jumps(seen, outwards, times[rows])))) % 2 == 1
+    # Whether the line turns round between each seen frame and the next one seen, (n_seen - 1,)
+    steps = np.linalg.norm(np.diff(seen, axis=0), axis=1)
+    turns = np.einsum("fi,fi->f", seen[1:], seen[:-1]) < 0.0
+    abrupt = steps > ABRUPT * float(np.median(np.linalg.norm(seen, axis=1)))
+    # Over a longer time unseen a person may turn round; then the change against the pelvis tells.
+    soon = np.diff(times[rows]) <= SHORTEST_S
+    jumps = np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
+    turned = np.cumsum(np.concatenate(([False], jumps))) % 2 == 1
     known = [outwards[(turned == part) & np.isfinite(outwards)] for part in (False, True)]
     inside = [float(np.median(values)) if len(values) else float("nan") for values in known]
     if not turned.any():
@@ -149,16 +156,6 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     wrong[rows[0] :] = guilty[np.searchsorted(rows, np.arange(rows[0], len(line)), side="right") - 1]
     wrong[rows[-1] + 1 :] = False
     return wrong
-
-
-def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:
-    """Whether the line turns round between each seen frame and the next one seen, (n_seen - 1,)."""
-    change = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    turns = np.einsum("fi,fi->f", line[1:], line[:-1]) < 0.0
-    abrupt = change > ABRUPT * float(np.median(np.linalg.norm(line, axis=1)))
-    # Over a longer time unseen a person may turn round; then the change against the pelvis tells.
-    soon = np.diff(times) <= SHORTEST_S
-    return np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
 
 
 Clusters = Mapping[str, Sequence[str]]  # segment to labels on it

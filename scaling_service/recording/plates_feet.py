@@ -162,9 +162,15 @@ def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask,
         # Horizontal velocities, (n, m, 2), m/s; zero for a single frame.
         flat = markers[..., (0, 2)]
         velocities.append(np.gradient(flat, times, axis=0) if len(times) > 1 else np.zeros_like(flat))
-    belt = _measure_belt(np.concatenate(heights, axis=1), np.concatenate(velocities, axis=1))
+    # Median velocity of the lowest marker, (2,); a floor that is no faster than a swinging foot stands still.
+    lowest = np.concatenate(heights, axis=1).argmin(axis=1)
+    with_floor = np.concatenate(velocities, axis=1)[np.arange(len(lowest)), lowest]
+    with_floor = with_floor[np.isfinite(with_floor).all(axis=1)]
+    belt = np.median(with_floor, axis=0) if len(with_floor) else np.zeros(2)
     notes = []
-    if belt.any():
+    if np.linalg.norm(belt) <= FAST_M_S:
+        belt = np.zeros(2)
+    else:
         detail = f"the floor moves at {np.linalg.norm(belt):.2f} m/s, as on a treadmill"
         notes.append(Repair(what="belt", where=name, detail=detail))
     resting = []
@@ -173,15 +179,6 @@ def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask,
         slowest = np.where(np.isfinite(speed), speed, np.inf).min(axis=1)
         resting.append((height.min(axis=1) < LIFTED_M) & (slowest < FAST_M_S))
     return np.stack(resting, axis=1), notes
-
-
-def _measure_belt(heights: Array, velocities: Array) -> Array:
-    """Median velocity of the lowest marker, (2,); zero below the speed of a swinging foot."""
-    lowest = heights.argmin(axis=1)
-    velocity = velocities[np.arange(len(lowest)), lowest]
-    velocity = velocity[np.isfinite(velocity).all(axis=1)]
-    belt = np.median(velocity, axis=0) if len(velocity) else np.zeros(2)
-    return belt if np.linalg.norm(belt) > FAST_M_S else np.zeros(2)
 
 
 def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> int:

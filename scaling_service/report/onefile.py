@@ -66,7 +66,8 @@ class Report:
             title = "Licences of what this file is made of"
             licences = f"<details><summary>{title}</summary><pre>{escape(licences)}</pre></details>"
         # Nothing from elsewhere, and only this script
-        scripts = f"'sha256-{_digest(script)}'" if script else "'none'"
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        scripts = f"'sha256-{digest}'" if script else "'none'"
         policy = (
             f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
             "base-uri 'none'; form-action 'none'"
@@ -113,11 +114,6 @@ def collect_files(write: Callable[[Path], object]) -> dict[str, bytes]:
         write(folder)
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
-
-
-@lru_cache(maxsize=2)
-def _digest(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 @lru_cache(maxsize=8)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -34,18 +34,18 @@ def read_frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
             field=component,
             remedy="Attach it to a body or to a PhysicalOffsetFrame",
         )
-    return body, tuple(j for offset in offsets for j in _list_constant_moves(offset, body))
-
-
-def _list_constant_moves(transform: Any, body: str) -> Iterator[Joint]:
-    for axis, value in zip((X, Y, Z), list_numbers(transform.p()), strict=True):
-        if value:
-            yield Joint("translation", axis, Law.constant(value), None if body == GROUND else body)
-    matrix = transform.R()
-    turn = convert_rotation_to_vector([[matrix.get(i, j) for j in range(3)] for i in range(3)])
-    angle = float(np.linalg.norm(turn))
-    if angle > _NO_TURN:
-        yield Joint("rotation", to_vector(turn / angle), Law.constant(angle))
+    moves = []
+    for transform in offsets:
+        for axis, value in zip((X, Y, Z), list_numbers(transform.p()), strict=True):
+            if value:
+                scales_with = None if body == GROUND else body
+                moves.append(Joint("translation", axis, Law.constant(value), scales_with))
+        matrix = transform.R()
+        turn = convert_rotation_to_vector([[matrix.get(i, j) for j in range(3)] for i in range(3)])
+        angle = float(np.linalg.norm(turn))
+        if angle > _NO_TURN:
+            moves.append(Joint("rotation", to_vector(turn / angle), Law.constant(angle)))
+    return body, tuple(moves)
 
 
 def invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:

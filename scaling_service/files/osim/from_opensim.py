@@ -200,7 +200,14 @@ def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent:
         ]
     else:
         raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
-    moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
+    moves = []
+    for what, along, law, scales in axes:
+        if law.terms:
+            direction = np.array(along, dtype=float)
+            # OpenSim scales the coupling of a dependent translation, and so the translation itself.
+            scaled = scales or any(term.coordinate in dependent for term in law.terms)
+            follows = parent if what == "translation" and scaled and parent != GROUND else None
+            moves.append(Joint(what, to_vector(direction / np.linalg.norm(direction)), law, follows))
     return sorted(moves, key=lambda move: move.kind == "rotation")
 
 
@@ -208,17 +215,6 @@ def is_pure(function: Any) -> bool:
     """Whether a translation is its coordinate itself, which OpenSim's scaling leaves alone."""
     line = import_opensim().LinearFunction.safeDownCast(function)
     return line is not None and line.getSlope() == 1.0 and line.getIntercept() == 0.0
-
-
-def _move(axis: Axis, parent: str, dependent: Set[str]) -> Joint:
-    kind, along, law, scales = axis
-    direction = np.array(along, dtype=float)
-    # OpenSim scales the coupling of a dependent translation, and so the translation itself.
-    scales = scales or any(term.coordinate in dependent for term in law.terms)
-    follows_size = kind == "translation" and scales and parent != GROUND
-    return Joint(
-        kind, to_vector(direction / np.linalg.norm(direction)), law, parent if follows_size else None
-    )
 
 
 def name_copy(body: str, joint: str) -> str:

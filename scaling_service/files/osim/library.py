@@ -49,9 +49,17 @@ def load(path: Path, marker_set: str | None = None) -> Any:
     """
     if not path.is_file():
         raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    unknown = list_unknown(path)
+    known = path
+    if list_unknown(path):
+        # The model without what a plug-in defines, and what may name that
+        root, known = ElementTree.fromstring(path.read_bytes()), Path(_KNOWN)
+        sets = _find_idle_sets(root)
+        for kind, elements in _find_aside(sets).items():
+            for element in elements:
+                sets[kind].remove(element)
+        ElementTree.ElementTree(root).write(known, encoding="utf-8", xml_declaration=True)
     try:
-        model = import_opensim().Model(str(_set_aside(path) if unknown else path))
+        model = import_opensim().Model(str(known))
         model.finalizeConnections()
     except RuntimeError as error:
         raise FileUnreadable(
@@ -135,17 +143,6 @@ def _find_aside(sets: Mapping[str, ElementTree.Element]) -> dict[str, list[Eleme
         kind: [e for e in objects if kind in _NAMING_OTHERS or _is_unknown(e)]
         for kind, objects in sets.items()
     }
-
-
-def _set_aside(path: Path) -> Path:
-    """The model without what a plug-in defines, and what may name that."""
-    root = ElementTree.fromstring(path.read_bytes())
-    sets = _find_idle_sets(root)
-    for kind, elements in _find_aside(sets).items():
-        for element in elements:
-            sets[kind].remove(element)
-    ElementTree.ElementTree(root).write(_KNOWN, encoding="utf-8", xml_declaration=True)
-    return Path(_KNOWN)
 
 
 def put_back(text: str, path: Path) -> str:

@@ -135,12 +135,22 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
     As OpenSim's scaling has it: by the ratio of the whole path's lengths in the default pose. A muscle whose
     length changes by more than ``most`` runs along another side of a wrap: its points go back.
     """
-    osim = _load_model(request)
+    library, osim = import_opensim(), _load_model(request)
     muscles = list_items(osim.getMuscles())
     kept = [[muscle, number, at] for muscle, number, _, at in list_points(request)["points"]]
     before = _measure_lengths(osim)
     for segment, name, at, size in request["wraps"]:
-        _move_wrap(osim.getBodySet().get(segment).getWrapObjectSet().get(name), at, size)
+        # Elsewhere in its body, of a given size; its directions stay.
+        wrap = osim.getBodySet().get(segment).getWrapObjectSet().get(name)
+        wrap.set_translation(library.Vec3(*at))
+        for kind, lengths in _LENGTHS.items():
+            own = getattr(library, kind).safeDownCast(wrap)
+            for length in lengths if own is not None else ():
+                getattr(own, f"set_{length}")(size * getattr(own, f"get_{length}")())
+        ellipsoid = library.WrapEllipsoid.safeDownCast(wrap)
+        if ellipsoid is not None:
+            dimensions = [size * number for number in list_numbers(ellipsoid.get_dimensions())]
+            ellipsoid.set_dimensions(library.Vec3(*dimensions))
     _set_points(osim, request["moved"])
     change = np.abs(np.log(_measure_lengths(osim) / before))
     astray = {muscle.getName() for muscle, by in zip(muscles, change, strict=True) if by > request["most"]}
@@ -173,20 +183,6 @@ def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
         if at is not None:
             rotation, origin = map(np.array, place_frame(point.getParentFrame()))
             point.set_location(import_opensim().Vec3(*(rotation.T @ (at - origin))))
-
-
-def _move_wrap(wrap: Any, at: Sequence[float], size: float) -> None:
-    """Put a wrap elsewhere in its body, of a given size; its directions stay."""
-    wrap.set_translation(import_opensim().Vec3(*at))
-    for kind, lengths in _LENGTHS.items():
-        own = getattr(import_opensim(), kind).safeDownCast(wrap)
-        for name in lengths if own is not None else ():
-            getattr(own, f"set_{name}")(size * getattr(own, f"get_{name}")())
-    ellipsoid = import_opensim().WrapEllipsoid.safeDownCast(wrap)
-    if ellipsoid is not None:
-        ellipsoid.set_dimensions(
-            import_opensim().Vec3(*(size * n for n in list_numbers(ellipsoid.get_dimensions())))
-        )
 
 
 def _load_model(request: Mapping[str, Any]) -> Any:

@@ -97,15 +97,36 @@ def read_scale_setup(path: Path) -> ScaleSetup:
         if setup is not None and word not in _STEPS:
             steps = ", ".join(_STEPS)
             raise _explain_bad(path, setup, f"<scaling_order> holds '{word}', which is not one of {steps}")
+    manual: dict[str, tuple[float, float, float]] = {}
+    for item in _list_members(path, setup, "ScaleSet") if "manualScale" in order else ():
+        if _is_applied(item):
+            sizes = _read_numbers(path, item, "scales")
+            if len(sizes) != 3 or not all(size > 0 for size in sizes):
+                raise _explain_bad(path, item, "<scales> must be three positive numbers")
+            manual[_read_text(item, "segment")] = (sizes[0], sizes[1], sizes[2])
+    placer = tool.find("MarkerPlacer")
+    if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
+        placement: MarkerPlacement | None = None
+    else:
+        tasks = placer.find("IKTaskSet")
+        markers, weights, values = (
+            _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
+        )
+        placement = MarkerPlacement(
+            marker_weights=markers,
+            coordinate_weights=weights,
+            coordinate_values=values,
+            time_range=_read_time_range(path, placer),
+        )
     return ScaleSetup(
         measurements=tuple(_read_measurements(path, setup)) if "measurements" in order else (),
-        manual=_read_manual(path, setup) if setup is not None and "manualScale" in order else {},
+        manual=manual,
         order=order,
         time_range=_read_time_range(path, setup),
         preserve_mass_distribution=setup is not None
         and _read_flag(setup, "preserve_mass_distribution", False),
         mass_kg=mass if applied and mass > 0 else None,
-        placement=_read_placement(path, tool.find("MarkerPlacer")),
+        placement=placement,
         height_m=height_m if HEIGHT_RANGE_M[0] < height_m < HEIGHT_RANGE_M[1] else None,
     )
 
@@ -188,48 +209,15 @@ def _read_measurements(path: Path, scaler: Element | None) -> Iterable[Measureme
             if len(words) != 2:
                 raise _explain_bad(path, pair, f"<markers> must name two markers, not '{' '.join(words)}'")
             pairs.append((words[0], words[1]))
-        axes = {
-            scale.get("name", ""): _read_axes(path, scale)
-            for scale in _list_members(path, item, "BodyScaleSet")
-        }
+        axes = {}
+        for scale in _list_members(path, item, "BodyScaleSet"):
+            letters = _read_text(scale, "axes").upper().replace(" ", "")
+            if not letters or set(letters) - set(_AXES):
+                said = _read_text(scale, "axes")
+                raise _explain_bad(path, scale, f"<axes> must be among X, Y, Z, not '{said}'")
+            axes[scale.get("name", "")] = "".join(axis for axis in _AXES if axis in letters)
         if pairs and axes:
             yield Measurement(item.get("name", ""), tuple(pairs), axes)
-
-
-def _read_axes(path: Path, element: Element) -> str:
-    words = _read_text(element, "axes").upper().replace(" ", "")
-    if not words or set(words) - set(_AXES):
-        raise _explain_bad(
-            path, element, f"<axes> must be among X, Y, Z, not '{_read_text(element, 'axes')}'"
-        )
-    return "".join(axis for axis in _AXES if axis in words)
-
-
-def _read_manual(path: Path, scaler: Element) -> dict[str, tuple[float, float, float]]:
-    factors = {}
-    for item in _list_members(path, scaler, "ScaleSet"):
-        if not _is_applied(item):
-            continue
-        values = _read_numbers(path, item, "scales")
-        if len(values) != 3 or not all(v > 0 for v in values):
-            raise _explain_bad(path, item, "<scales> must be three positive numbers")
-        factors[_read_text(item, "segment")] = (values[0], values[1], values[2])
-    return factors
-
-
-def _read_placement(path: Path, placer: Element | None) -> MarkerPlacement | None:
-    if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
-        return None
-    tasks = placer.find("IKTaskSet")
-    markers, weights, values = (
-        _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
-    )
-    return MarkerPlacement(
-        marker_weights=markers,
-        coordinate_weights=weights,
-        coordinate_values=values,
-        time_range=_read_time_range(path, placer),
-    )
 
 
 def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:

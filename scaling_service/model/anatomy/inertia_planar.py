@@ -70,21 +70,17 @@ def apply_to_squat(
         )
     whole = apply_inertia_table(load_builtin(WHOLE), table, sex=sex, height_m=height_m, mass_kg=mass_kg)
     own = table == LUMPED
-    body, parts = (_read_own_rows(mass_kg), _ITSELF) if own else (Neutral.of(whole.model), PARTS)
+    body, parts = Neutral.of(whole.model), PARTS
+    if own:  # the built-in squat holds the rows that Winter gives for trunk and head and the whole arm
+        squat = load_builtin(SQUAT)
+        factor, inertias = mass_kg / sum_mass(squat), gather_inertias(squat)
+        heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
+        body, parts = Neutral.of(with_inertias(squat, heavier)), _ITSELF
     notes = whole.notes[:1] if own else whole.notes
     planar = Neutral.of(model)
     segments = tuple(_lump_segments(s, parts[s.name], body, planar) for s in model.segments)
     said = "both sides are lumped; trunk and head are one, the arm hangs straight"
     return InertiaResult(replace(model, segments=segments), table, (*notes, said))
-
-
-def _read_own_rows(mass_kg: float) -> Neutral:
-    """The built-in squat, which holds the rows that Winter gives for trunk and head and the whole arm."""
-    squat = load_builtin(SQUAT)
-    factor = mass_kg / sum_mass(squat)
-    inertias = gather_inertias(squat)
-    heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
-    return Neutral.of(with_inertias(squat, heavier))
 
 
 def _lump_segments(segment: Segment, part: Part, body: Neutral, planar: Neutral) -> Segment:

@@ -128,7 +128,19 @@ def find_joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]
             chain = list_chain(model, parent, child)
             if chain:
                 return find_centre(model, chain)
-    return _find_ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
+    if joint != "ankle" or first is None:
+        return {}
+    # A shank without a foot may know the ankle by its markers.
+    values, letter = straighten(model), side.upper()
+    places = {
+        (m.name if m.weight == 0.0 else find_canonical(m.name)): evaluate_marker(m, values)
+        for m in model.markers
+        if m.segment == first
+    }
+    if f"{letter}AJC" in places:
+        return {first: places[f"{letter}AJC"]}
+    malleoli = [places[name] for name in (f"{letter}LM", f"{letter}MM") if name in places]
+    return {first: (malleoli[0] + malleoli[1]) / 2.0} if len(malleoli) == 2 else {}
 
 
 def _find_part(model: BodyModel, role: str, side: str) -> str | None:
@@ -179,19 +191,3 @@ def straighten(model: BodyModel) -> dict[str, float]:
     """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
     turning = [c for _, joint in model.joints() if joint.kind == "rotation" for c in joint.law.coordinates]
     return list_model_values(model, dict.fromkeys(turning, 0.0))
-
-
-def _find_ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:
-    values = straighten(model)
-    letter = side.upper()
-    places = {
-        (marker.name if marker.weight == 0.0 else find_canonical(marker.name)): evaluate_marker(
-            marker, values
-        )
-        for marker in model.markers
-        if marker.segment == tibia
-    }
-    if f"{letter}AJC" in places:
-        return {tibia: places[f"{letter}AJC"]}
-    malleoli = [places[name] for name in (f"{letter}LM", f"{letter}MM") if name in places]
-    return {tibia: (malleoli[0] + malleoli[1]) / 2.0} if len(malleoli) == 2 else {}

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, optimize
 
 from scaling_service.core.arrays import Array
@@ -201,7 +200,10 @@ def _eliminate(
     """Solve a block for its coordinates, those pinned or held at a bound excepted."""
     if not len(problem.coordinates):
         return Eliminated(rows, block.slope, block.cross, np.zeros(len(q[rows])))
-    given = np.where(_find_held(problem, q[rows], block.slope), 0.0, np.nan)
+    lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
+    value, slope = q[rows, problem.coordinates], block.slope
+    held = ((value <= lower) & (slope < 0.0)) | ((value >= upper) & (slope > 0.0))
+    given = np.where(held, 0.0, np.nan)
     if pins is not None:
         given = np.where(np.isnan(pins[rows]), given, pins[rows])
     fixed = ~np.isnan(given)
@@ -218,14 +220,6 @@ def _eliminate(
     free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
     gain += np.where(fixed, 0.0, slope * free_step).sum(axis=1)
     return Eliminated(rows, free_step, follow, gain)
-
-
-def _find_held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
-    """Coordinates at a bound that the residuals push beyond it, (n, nq)."""
-    lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
-    value = q[:, problem.coordinates]
-    held: NDArray[np.bool_] = ((value <= lower) & (slope < 0.0)) | ((value >= upper) & (slope > 0.0))
-    return held
 
 
 def _bound_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:

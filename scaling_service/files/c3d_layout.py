@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.c3d_parameters import BLOCK, RATES_HZ, Facts, join_numbered, report_no_frame
+from scaling_service.files import c3d_parameters
 from scaling_service.model.trial import Repair
 
 _SATURATED = 65535  # a recording that reaches this frame keeps its true length elsewhere
@@ -49,10 +49,6 @@ class Layout:
         return self.channels * self.per_frame
 
 
-NO_POINTS = Layout(points=0, channels=0, per_frame=1, frames=0, start=1, real=True)
-"""Of a file that holds neither points nor analog signals."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Witness:
     """One statement of a file on its layout."""
@@ -68,16 +64,23 @@ class _Witness:
         return have == self.value or bool(self.modulo and (have - self.value) % self.modulo == 0)
 
 
-def _list_witnesses(facts: Facts) -> list[_Witness]:
+def _list_witnesses(facts: c3d_parameters.Facts) -> list[_Witness]:
     """What header and parameters say, as far as they can know it."""
     rates = (facts.number("POINT", "RATE"), facts.rate)
-    usable = next((rate for rate in rates if RATES_HZ[0] <= rate <= RATES_HZ[1]), float("nan"))
+    usable = next(
+        (rate for rate in rates if c3d_parameters.RATES_HZ[0] <= rate <= c3d_parameters.RATES_HZ[1]),
+        float("nan"),
+    )
     ratio = facts.number("ANALOG", "RATE") / usable
     whole = round(ratio) if np.isfinite(ratio) and 0 < ratio < 65536 else 0
     said = [
         ("header word 2", "points", facts.points),
         ("POINT:USED", "points", facts.count("POINT", "USED")),
-        ("POINT:LABELS", "points", len(join_numbered(facts.parameters.get("POINT", {}), "LABELS")) or None),
+        (
+            "POINT:LABELS",
+            "points",
+            len(c3d_parameters.join_numbered(facts.parameters.get("POINT", {}), "LABELS")) or None,
+        ),
         ("header word 3", "analogs", facts.analogs),
         ("ANALOG:USED", "channels", facts.count("ANALOG", "USED")),
         ("header word 10", "per_frame", facts.per_frame or None),
@@ -113,14 +116,14 @@ def _say_form(scale: float) -> int | None:
     return int(scale < 0) if scale and np.isfinite(scale) else None
 
 
-def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:
+def find_layout(facts: c3d_parameters.Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:
     """The layout that most witnesses support and the file's length allows."""
     witnesses = _list_witnesses(facts)
     scored = []
     for layout in _list_layouts(witnesses, length):
         # Whether the frames reach into the file's last block; some writers fill one more.
-        rest = length - BLOCK * (layout.start - 1) - layout.frames * layout.frame_bytes
-        scored.append((sum(w.supports(layout) for w in witnesses), 0 <= rest < BLOCK, layout))
+        rest = length - c3d_parameters.BLOCK * (layout.start - 1) - layout.frames * layout.frame_bytes
+        scored.append((sum(w.supports(layout) for w in witnesses), 0 <= rest < c3d_parameters.BLOCK, layout))
     fitting = [entry for entry in scored if _count_held(entry[2], length) >= entry[2].frames]
     if not fitting:
         if not scored:
@@ -145,7 +148,7 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
         w for w in witnesses if not (w.supports(best[2]) or w.where in ("POINT:LABELS", "ANALOG:RATE"))
     ]
     if not best[2].frames:
-        raise report_no_frame(file)
+        raise c3d_parameters.report_no_frame(file)
     if others and others[0][:2] == best[:2]:
         rivals = {w.of for w in witnesses if w.supports(best[2]) != w.supports(others[0][2])}
         told = {f"{w.where} ({w.value})": w.where for w in witnesses if w.of in rivals}
@@ -170,7 +173,7 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
 
 def _count_held(layout: Layout, length: int) -> int:
     """Whole frames that stand between the first and the end of the file."""
-    left = length - BLOCK * (layout.start - 1)
+    left = length - c3d_parameters.BLOCK * (layout.start - 1)
     return left // layout.frame_bytes if layout.frame_bytes and left > 0 else 0
 
 
@@ -208,7 +211,7 @@ def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout
 # --- rates ---
 
 
-def find_rate(facts: Facts, layout: Layout, file: Path) -> tuple[float, tuple[Repair, ...]]:
+def find_rate(facts: c3d_parameters.Facts, layout: Layout, file: Path) -> tuple[float, tuple[Repair, ...]]:
     """The rate of frames that most statements support, and what disagrees with it."""
     analog = facts.number("ANALOG", "RATE")
     stated = {
@@ -218,7 +221,11 @@ def find_rate(facts: Facts, layout: Layout, file: Path) -> tuple[float, tuple[Re
     }
     if layout.channels:
         stated["ANALOG:RATE"] = analog / layout.per_frame
-    usable = {where: rate for where, rate in stated.items() if RATES_HZ[0] <= rate <= RATES_HZ[1]}
+    usable = {
+        where: rate
+        for where, rate in stated.items()
+        if c3d_parameters.RATES_HZ[0] <= rate <= c3d_parameters.RATES_HZ[1]
+    }
     support = {
         where: sum(abs(rate - other) <= SAME * rate for other in usable.values())
         for where, rate in usable.items()

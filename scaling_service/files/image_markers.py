@@ -8,12 +8,12 @@ from pathlib import Path
 
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.tables import read_text
-from scaling_service.model.body import Vector, to_vector
+from scaling_service.model import body
 
 COLUMNS = ("marker", "segment", "x_mm", "y_mm", "z_mm")
 
 
-def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
+def read_image_markers(path: Path) -> dict[str, tuple[str, body.Vector]]:
     """Read markers with their segments, in the image's frame.
 
     ``path``: columns ``marker,segment,x_mm,y_mm,z_mm``, in any order; further ones are not read. Returns
@@ -30,7 +30,7 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
             field=missing[0],
             remedy=f"The first line must be {','.join(COLUMNS)}",
         )
-    found: dict[str, tuple[str, Vector]] = {}
+    found: dict[str, tuple[str, body.Vector]] = {}
     for number, row in enumerate(rows, start=2):
         name = (row["marker"] or "").strip()
         if not name or name in found:
@@ -49,5 +49,5 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
                     field=f"line {number}, {column}",
                     remedy="Give a number",
                 )
-        found[name] = ((row["segment"] or "").strip(), to_vector(at))
+        found[name] = ((row["segment"] or "").strip(), body.to_vector(at))
     return found

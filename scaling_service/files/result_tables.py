@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.core.errors import DependencyMissing, InputError
+from scaling_service.core import errors
 from scaling_service.core.tables import MotionTable, ResultTable
 
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -24,6 +24,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
 
 BIDS_VERSION = "1.9.0"
 """Of the Brain Imaging Data Structure: the first with motion (Jeung et al. 2024, Sci Data 11:716)."""
+
+FORMS = ("csv", "parquet", "bids")
 
 _NOT_A_LABEL = re.compile(r"[^0-9A-Za-z]+")
 _SD = "_sd_"
@@ -54,11 +56,11 @@ def check_forms(text: str) -> tuple[str, ...]:
     forms = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     for form in forms:
         if form not in FORMS:
-            raise InputError(
+            raise errors.InputError(
                 f"there are no tables as '{form}'", field="--tables", remedy=f"There are {', '.join(FORMS)}"
             )
     if "parquet" in forms and find_spec("pyarrow") is None:
-        raise DependencyMissing(
+        raise errors.DependencyMissing(
             "Parquet is written by pyarrow, which is not installed",
             field="--tables",
             remedy="Install it with `pip install scaling-service[tables]`, or take csv",
@@ -71,12 +73,13 @@ def save_tables(tables: Mapping[str, ResultTable], folder: Path, forms: Sequence
 
     Raises InputError: the folder cannot be made or written to.
     """
+    writers = {"csv": write_csv, "parquet": write_parquet, "bids": write_motion_bids}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for form in forms:
-            FORMS[form](tables, folder, about)
+            writers[form](tables, folder, about)
     except OSError as error:
-        raise InputError(
+        raise errors.InputError(
             f"tables cannot be written there: {error.strerror}",
             file=folder,
             field="--out",
@@ -186,9 +189,3 @@ def _write_tsv(path: Path, rows: Any) -> None:
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-FORMS: Mapping[str, Callable[[Mapping[str, ResultTable], Path, About], None]] = MappingProxyType(
-    {"csv": write_csv, "parquet": write_parquet, "bids": write_motion_bids}
-)
-"""Form to what writes tables in it."""

@@ -19,7 +19,7 @@ from scipy.ndimage import find_objects, gaussian_filter
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.mesh import READERS, Mesh, read_mesh
+from scaling_service.files import mesh
 
 MAX_VOXELS = 700_000_000  # chosen: a whole body of 512 x 512 x 2600; one byte each
 MAP_SUFFIXES = (".nii", ".nii.gz")
@@ -45,7 +45,7 @@ class Segmentation:
     zeros for surfaces.
     """
 
-    surfaces: Mapping[str, Mesh]
+    surfaces: Mapping[str, mesh.Mesh]
     rightward: Array | None = None
     voxel: Array
 
@@ -80,16 +80,18 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
     place = Path(path)
     if place.is_dir():
         masks = sorted(file for file in place.iterdir() if file.name.lower().endswith(MAP_SUFFIXES))
-        meshes = sorted(file for file in place.iterdir() if file.suffix.lower() in READERS)
+        meshes = sorted(file for file in place.iterdir() if file.suffix.lower() in mesh.READERS)
         if meshes or not masks:
             if not meshes:
                 raise FileUnreadable(
                     "no surface and no mask is in it",
                     file=place,
-                    remedy=f"Export one file a label: {', '.join((*READERS, *MAP_SUFFIXES))}",
+                    remedy=f"Export one file a label: {', '.join((*mesh.READERS, *MAP_SUFFIXES))}",
                 )
-            return Segmentation(surfaces={file.stem: read_mesh(file) for file in meshes}, voxel=np.zeros(3))
-        surfaces: dict[str, Mesh] = {}
+            return Segmentation(
+                surfaces={file.stem: mesh.read_mesh(file) for file in meshes}, voxel=np.zeros(3)
+            )
+        surfaces: dict[str, mesh.Mesh] = {}
         voxel = np.zeros(3)
         for file in masks:
             volume, affine, _ = _read_volume(file)
@@ -220,7 +222,7 @@ def _read_table(file: Path) -> dict[int, str]:
 
 def _list_surfaces(
     volume: NDArray[Any], affine: Array, names: Mapping[int, str]
-) -> Iterator[tuple[str, Mesh]]:
+) -> Iterator[tuple[str, mesh.Mesh]]:
     """Name and surface of each label that is named and has enough voxels."""
     boxes = find_objects(volume if volume.dtype.kind in "iu" else volume.astype(np.int32))
     for number, name in sorted(names.items()):
@@ -236,7 +238,7 @@ def _list_surfaces(
             yield name, _extract_surface(inside, affine, np.array([low for low, _ in spans]))
 
 
-def _extract_surface(inside: NDArray[np.bool_], affine: Array, corner: NDArray[np.intp]) -> Mesh:
+def _extract_surface(inside: NDArray[np.bool_], affine: Array, corner: NDArray[np.intp]) -> mesh.Mesh:
     """Where a label ends, half-way between voxels; open where the image does."""
     import pyvista  # only here: it takes half a second
 
@@ -247,7 +249,7 @@ def _extract_surface(inside: NDArray[np.bool_], affine: Array, corner: NDArray[n
     places = (np.asarray(surface.points, dtype=float) + corner) @ affine[:3, :3].T + affine[:3, 3]
     faces = np.asarray(surface.regular_faces, dtype=np.intp)
     mirrored = np.linalg.det(affine[:3, :3]) < 0
-    return Mesh(places, faces[:, ::-1] if mirrored else faces)
+    return mesh.Mesh(places, faces[:, ::-1] if mirrored else faces)
 
 
 def _measure_voxel(affine: Array) -> Array:

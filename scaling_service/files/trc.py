@@ -11,10 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files import tables
-from scaling_service.files.recording import NOT_STATED, Recording
+from scaling_service.files import recording, tables
 from scaling_service.model.trial import (
     Repair,
     Trial,
@@ -32,7 +31,7 @@ _KIND = "a TRC file"
 _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
 
 
-def read_trc(path: str | os.PathLike[str]) -> Recording:
+def read_trc(path: str | os.PathLike[str]) -> recording.Recording:
     """Read a TRC file.
 
     Returns positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
@@ -50,11 +49,11 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     )
     data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the file has a header but no frame", file=file, remedy="Record or export it again"
         )
     if cut and _read_positive(header.stated_frames) > len(data):
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"the file is cut off: its header counts {header.stated_frames} frames, and it breaks off in "
             f"line {body[-1][0]} after {len(data)}",
             file=file,
@@ -76,14 +75,14 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
         )
         if _read_positive(stated) != found
     ]
-    return Recording(
+    return recording.Recording(
         name=file.stem,
         times=times,
         labels=labels,
         markers=positions,
         rate_hz=rate,
         repairs=(*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost, *twice),
-        unit=header.unit or NOT_STATED,
+        unit=header.unit or recording.NOT_STATED,
     )
 
 
@@ -109,7 +108,7 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
             other = "an XML file, not a TRC file"
         else:
             other = "not a TRC file"
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"this is {other}",
             file=file,
             field="line 1",
@@ -146,8 +145,10 @@ def _find(lines: list[tables.Line], word: str, file: Path) -> int:
     )
 
 
-def _report_truncated(file: Path, what: str) -> FileUnreadable:
-    return FileUnreadable(f"the header is truncated: {what} is missing", file=file, remedy="Export it again")
+def _report_truncated(file: Path, what: str) -> errors.FileUnreadable:
+    return errors.FileUnreadable(
+        f"the header is truncated: {what} is missing", file=file, remedy="Export it again"
+    )
 
 
 def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
@@ -160,7 +161,7 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
             Repair(what="header", where="Units", detail=f"unit {elsewhere[0]} found out of its column"),
         )
     if unit and not re.fullmatch(r"[-+.\d]+", unit):
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"unit '{unit[:20]}' is not known",
             file=file,
             field="Units",
@@ -179,7 +180,7 @@ def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, 
         raise _report_truncated(file, "the column Time")
     found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
     if not found:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the file names no marker", file=file, field="Frame#", remedy="Export labelled markers"
         )
     spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
@@ -252,7 +253,7 @@ def restore_clock(
     """
     if len(times) == 1:
         if not np.isfinite(stated_hz):
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 "one frame and no frame rate", file=file, field="DataRate", remedy="State the rate"
             )
         return times, positions, stated_hz, ()
@@ -348,14 +349,14 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     """
     for label in trial.labels:
         if not label.strip() or label != label.strip() or re.search(r"[\t\r\n]", label):
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"marker label {label!r} cannot be written to a TRC file",
                 file=path if isinstance(path, str | Path) else None,
                 field=label,
                 remedy="Rename it",
             )
     if np.isinf(trial.markers).any():
-        raise TrialUnusable("a position is infinite", file=trial.name, remedy="Mark it as missing")
+        raise errors.TrialUnusable("a position is infinite", file=trial.name, remedy="Mark it as missing")
     decimals = 5 if units == "mm" else 8
     values = np.round(trial.markers / tables.METRES[units], decimals) + 0.0
     values[(values == 0).all(-1), 0] = 10.0**-decimals

@@ -14,7 +14,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scaling_service.core.errors import InputError, ModelRefused
+from scaling_service.core import errors
 from scaling_service.model.body import BodyModel, Law
 
 if TYPE_CHECKING:
@@ -57,11 +57,13 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
     Raises ModelRefused: the model is no tree, or a law or marker names something that is not in it.
     """
     if not isinstance(document, Mapping):
-        raise InputError("it is not a mapping of keys to values", file=file, remedy="Give a model document")
+        raise errors.InputError(
+            "it is not a mapping of keys to values", file=file, remedy="Give a model document"
+        )
     content = dict(document)
     version = content.pop("schema_version", None)
     if version != SCHEMA_VERSION:
-        raise InputError(
+        raise errors.InputError(
             f"model document of version {version!r}, this program reads {SCHEMA_VERSION}",
             file=file,
             field="schema_version",
@@ -84,7 +86,7 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
             "too few": ("the list is too short", "Add what is missing"),
         }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
         path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
-        raise InputError(problem, file=file, field=path or None, remedy=remedy) from None
+        raise errors.InputError(problem, file=file, field=path or None, remedy=remedy) from None
     _check_names(model, file)
     return model
 
@@ -139,7 +141,7 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
         for joint in segment.joints:
             _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
             if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
-                raise ModelRefused(
+                raise errors.ModelRefused(
                     f"the axis {joint.axis} is not of length 1",
                     file=file,
                     field=segment.joint_name,
@@ -165,6 +167,6 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
 
 def _must_exist(name: str | None, known: set[str], what: str, where: str, file: str | Path | None) -> None:
     if name is not None and name not in known:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"{what} '{name}' is not in the model", file=file, field=where, remedy=f"Declare the {what}"
         )

@@ -18,7 +18,7 @@ from scaling_service.model.trial import (
     Repair,
     Trial,
 )
-from scaling_service.recording.plausibility import find_extremes, find_unit_factor
+from scaling_service.recording import plausibility
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
@@ -115,7 +115,7 @@ def decide(
     zero (the floor). Forward: from PSIS to ASIS; else square to right-left pairs; else the displacement;
     else a lab axis, which is said.
     """
-    factor, unit_repairs = find_unit_factor(trial)
+    factor, unit_repairs = plausibility.find_unit_factor(trial)
     positions = trial.markers * factor
     known = roles or {}
     where = {known[label]: positions[:, k] for k, label in enumerate(trial.labels) if label in known}
@@ -155,7 +155,7 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     ``trial``: any recording of the same session, as read. Raises TrialUnusable if no marker is seen at all,
     or the unit cannot be told.
     """
-    factor, unit_repairs = find_unit_factor(trial)
+    factor, unit_repairs = plausibility.find_unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     turned = trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
     return turn_rotations(orientation, turned)
@@ -218,7 +218,7 @@ def _find_up(
             share = np.abs(rise) / np.linalg.norm(rise)
             if allowed[np.argmax(share)] and share.max() >= CLEAR_SHARE:
                 return _snap_to_axis(rise), f"pelvis, knees and ankles lie {_describe_off_axis(rise)} off it"
-    low, high = find_extremes(positions)
+    low, high = plausibility.find_extremes(positions)
     seen = np.isfinite(low).all(axis=1)
     low, high = low[seen], high[seen]
     extent = np.where(allowed, np.median(high - low, axis=0), -1.0)

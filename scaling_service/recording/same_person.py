@@ -9,8 +9,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
-from scaling_service.recording import findings
-from scaling_service.recording.witnesses import FRAMES, measure_within_segments
+from scaling_service.recording import findings, witnesses
 
 _BONY = (
     ("RLFE", "RLM"), ("LLFE", "LLM"), ("RASIS", "LASIS"), ("RPSIS", "LPSIS"), ("RASIS", "RPSIS"),
@@ -52,7 +51,7 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[findings.Finding]:
     bones = []
     for trial in trials:
         inverse = {role: label for label, role in findings.list_roles(trial).items()}
-        step = max(1, trial.n_frames // FRAMES)
+        step = max(1, trial.n_frames // witnesses.FRAMES)
         found = {}
         for a, b in _BONY:
             if a in inverse and b in inverse:
@@ -63,7 +62,7 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[findings.Finding]:
                 if len(known):
                     found[a, b] = float(np.median(known))
         bones.append(found)
-    segments = [measure_within_segments(trial, findings.list_roles(trial)) for trial in trials]
+    segments = [witnesses.measure_within_segments(trial, findings.list_roles(trial)) for trial in trials]
     odds: dict[tuple[int, int], tuple[float, float, float]] = {}
     for i, j in combinations(range(len(trials)), 2):
         anew = _weigh_anew(segments[i], segments[j])

@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 from trimesh.exchange.stl import export_stl
 
-from scaling_service.bones.whole import collect_evidence, find_landmarks
+from scaling_service.bones import whole
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
@@ -182,7 +182,7 @@ def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None
     ``progress``: called with the name of each bone before its turn. MeshRefused: landmarking refuses a bone.
     """
     meshes = {name: (bone.vertices, bone.faces) for name, bone in image.bones.items()}
-    return collect_evidence(find_landmarks(meshes, progress=progress), image.markers, image.bones)
+    return whole.collect_evidence(whole.find_landmarks(meshes, progress=progress), image.markers, image.bones)
 
 
 def _place_points(pose: ImagePose, points: Array) -> Array:

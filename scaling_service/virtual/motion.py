@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import reference
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.tree import pose_markers
 
 Side = Literal["r", "l"]
@@ -72,7 +72,7 @@ class Curve:
 @cache
 def read_gait_curves() -> Mapping[str, Curve]:
     """The walking angles of Schwartz et al. 2008, from ``reference_models``."""
-    curves = read_reference(find_reference_folder() / "gait_schwartz2008.yaml")["curves"]
+    curves = reference.read_reference(reference.find_reference_folder() / "gait_schwartz2008.yaml")["curves"]
     return {name: Curve(c["mean"], c["sd"], tuple(c["cos"]), tuple(c["sin"])) for name, c in curves.items()}
 
 

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.files import sto
 from scaling_service.files.trc import write_trc
+from scaling_service.model import builtin, inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import pose_markers
@@ -51,7 +50,7 @@ def record_on_plates(
     ``truth``: the person, with feet and inertia; the generic full body unless given. ``noise_m``: standard
     deviation of each coordinate of a marker.
     """
-    model = truth or load_builtin("full_body_35dof")
+    model = truth or builtin.load_builtin("full_body_35dof")
     rng = np.random.default_rng(seed)
     times = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     q = repeat_default_pose(model, len(times))
@@ -65,7 +64,7 @@ def record_on_plates(
     names = tuple(m.name for m in model.markers)
     markers = pose_markers(compile_model(model, names), q, list_parameter_values(model))
     wrench, _ = compute_root_wrench(
-        compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
+        inertia.compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
     )
     feet = []
     for side in "RL":
@@ -99,7 +98,9 @@ def write_forces(path: Path, times: Array, plates: tuple[Array, ...]) -> None:
     labels = [
         f"ground_force_{k + 1}_{what}{axis}" for k in range(len(plates)) for what in "vpm" for axis in "xyz"
     ]
-    write_sto(path, Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates])))
+    sto.write_sto(
+        path, sto.Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates]))
+    )
 
 
 def write_plates_example(folder: Path) -> dict[str, Any]:
@@ -109,7 +110,7 @@ def write_plates_example(folder: Path) -> dict[str, Any]:
         found = record_on_plates(name=name, seed=seed, noise_m=MARKER_NOISE_M)
         write_trc(folder / f"{name}.trc", found.trial, "mm")
         write_forces(folder / f"{name}_grf.mot", found.trial.times, found.plates)
-    person, mass_kg = load_generic_person("full_body_35dof"), round(sum_mass(found.truth), 3)
+    person, mass_kg = builtin.load_generic_person("full_body_35dof"), round(inertia.sum_mass(found.truth), 3)
     document = {
         "subject": {"id": "plates", "sex": "M", "height_m": person.height_m, "mass_kg": mass_kg},
         "model": "full_body_35dof",

@@ -10,11 +10,9 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model import body
+from scaling_service.model import body, builtin, parameters
 from scaling_service.model.anatomy.centres import look_up_landmark_sd
-from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
@@ -174,7 +172,7 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     >>> person.trials["hip_r"].markers.shape
     (1000, 14, 3)
     """
-    generic = load_builtin(GENERIC)
+    generic = builtin.load_builtin(GENERIC)
     sex, height, mass = draw_person(seed)
     factors = draw_factors(seed, generic, height)
     tilts = {f"knee_{side}": draw_knee_tilt(seed, side) for side in KNEE_AXIS_DEG}
@@ -261,17 +259,17 @@ def _draw_truth(
     offsets: Mapping[str, body.Vector],
     mass: float,
 ) -> body.BodyModel:
-    depicted = sum(s.mass for s in generic.segments) / load_generic_person(GENERIC).mass_kg
+    depicted = sum(s.mass for s in generic.segments) / builtin.load_generic_person(GENERIC).mass_kg
     model = scale_model(generic, {name: (f, f, f) for name, f in factors.items()}, mass_kg=mass * depicted)
     for joint in tilts:
-        model = free_axis(model, joint, np.inf, np.inf)
+        model = parameters.free_axis(model, joint, np.inf, np.inf)
     values = {
         f"axis.{joint}.{letter}": v
         for joint, turns in tilts.items()
         for letter, v in zip("xy", turns, strict=True)
     }
     markers = tuple(shift_marker(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
-    return replace(fold(model.with_markers(markers), values), name=f"virtual_{seed}")
+    return replace(parameters.fold(model.with_markers(markers), values), name=f"virtual_{seed}")
 
 
 def _simulate_motions(

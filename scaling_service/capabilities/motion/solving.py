@@ -12,7 +12,7 @@ from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.sweep import DEFAULT, MotionSolution, SweepSettings, solve_motion
+from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings, solve_motion
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 
 _OPEN = 1e-2  # m or rad; chosen: from so near a loop closes without a detour
@@ -24,7 +24,7 @@ def solve_from(
     rows: slice | NDArray[np.intp],
     start: Array,
     progress: Callable[[int], None] | None = None,
-    settings: SweepSettings = DEFAULT,
+    settings: SweepSettings = SweepSettings(),
     prior: tuple[Array, Array] | None = None,
 ) -> MotionSolution:
     """Some frames of a task from a start (n, n_coordinates), each to the minimum nearest to it.

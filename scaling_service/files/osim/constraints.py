@@ -10,8 +10,8 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
+from scaling_service.files.osim import functions
 from scaling_service.files.osim.chains import read_frame
-from scaling_service.files.osim.functions import Range, list_strings, read_law, read_number
 from scaling_service.files.osim.joints import NotPolynomial, substitute
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
 from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, to_vector
@@ -38,15 +38,17 @@ class NotSubstituted(Exception):
         self.coordinate = coordinate
 
 
-def read_coupler(constraint: Any, ranges: Mapping[str, Range]) -> Coupler | Constraint:
+def read_coupler(constraint: Any, ranges: Mapping[str, functions.Range]) -> Coupler | Constraint:
     """A coordinate that follows one other, or an equation between several."""
     name = constraint.getName()
     coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
     names, dependent = (
-        list_strings(coupler.getIndependentCoordinateNames()),
+        functions.list_strings(coupler.getIndependentCoordinateNames()),
         coupler.getDependentCoordinateName(),
     )
-    law = read_law(coupler.getFunction(), names, ranges, name).scale(read_number(coupler, "scale_factor"))
+    law = functions.read_law(coupler.getFunction(), names, ranges, name).scale(
+        functions.read_number(coupler, "scale_factor")
+    )
     if names and len(law.coordinates) <= 1:
         return Coupler(dependent, next(iter(law.coordinates), names[0]), law)
     return to_equation(name, dependent, law)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.joints import EXACT, REACH, NotPolynomial, fit_piecewise, merge_shapes
+from scaling_service.files.osim import joints
 from scaling_service.files.osim.library import import_opensim, list_numbers
-from scaling_service.model.body import Law, Surface, Term
+from scaling_service.model import body
 from scaling_service.model.compile import evaluate_shape
 
 Range = tuple[float, float]
@@ -33,7 +33,9 @@ _STEP_DEGREE = 5  # of SimTK's step
 _PIECES, _PIECE_DEGREE = 128, 9  # chosen: sines of up to ten turns a turn are met to EXACT
 
 
-def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Range], component: str) -> Law:
+def read_law(
+    function: Any, coordinates: Sequence[str], ranges: Mapping[str, Range], component: str
+) -> body.Law:
     """A function of coordinates (none where the component names none) as a law.
 
     Raises ModelRefused if the function is of another kind, or has no argument and is not constant.
@@ -41,7 +43,7 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
     kind = function.getConcreteClassName()
     library = import_opensim()
     if kind == "Constant":
-        return Law.constant(library.Constant.safeDownCast(function).getValue())
+        return body.Law.constant(library.Constant.safeDownCast(function).getValue())
     if kind == "MultiplierFunction":
         scaled = library.MultiplierFunction.safeDownCast(function)
         return read_law(scaled.getFunction(), coordinates, ranges, component).scale(scaled.getScale())
@@ -54,14 +56,16 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
     if kind == "LinearFunction":
         numbers = library.LinearFunction.safeDownCast(function).getCoefficients()
         *slopes, offset = (numbers.get(k) for k in range(numbers.getSize()))
-        terms = (Term(slope, coordinate=c) for slope, c in zip(slopes, coordinates, strict=False) if slope)
-        return Law(tuple(terms)) + Law.constant(offset)
+        terms = (
+            body.Term(slope, coordinate=c) for slope, c in zip(slopes, coordinates, strict=False) if slope
+        )
+        return body.Law(tuple(terms)) + body.Law.constant(offset)
     if kind == "MultivariatePolynomialFunction":
         polynomial = library.MultivariatePolynomialFunction.safeDownCast(function)
         # One term for each product of powers; the last coordinate's power grows first.
         order = polynomial.getOrder()
         powers = [e for e in product(range(order + 1), repeat=len(coordinates)) if sum(e) <= order]
-        law = Law()
+        law = body.Law()
         for gain, exponents in zip(list_numbers(polynomial.getCoefficients()), powers, strict=True):
             if gain:
                 law = law + _multiply_powers(gain, coordinates, exponents)
@@ -81,7 +85,7 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
             coefficients.pop(0)
         if len(coefficients) <= 2:
             slope, offset = [0.0, *coefficients][-2:]
-            return Law.of(coordinate, slope, offset) if slope else Law.constant(offset)
+            return body.Law.of(coordinate, slope, offset) if slope else body.Law.constant(offset)
         lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
         return _fit_law(polynomial, [lower, upper], len(coefficients) - 1, coordinate, component)
     if kind in _SPLINE_DEGREE:
@@ -102,7 +106,7 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
         )
     # any other is followed in pieces so short that it is smooth within each
     lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
-    breaks = [float(x) for x in np.linspace(lower - REACH, upper + REACH, _PIECES + 1)]
+    breaks = [float(x) for x in np.linspace(lower - joints.REACH, upper + joints.REACH, _PIECES + 1)]
     return _fit_law(function, breaks, _PIECE_DEGREE, coordinate, component, follow_ends=False)
 
 
@@ -111,13 +115,15 @@ def read_number(thing: Any, name: str) -> float:
     return float(import_opensim().PropertyHelper.getValueDouble(thing.getPropertyByName(name)))
 
 
-def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequence[int]) -> Law:
+def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequence[int]) -> body.Law:
     used = {c: e for c, e in zip(coordinates, exponents, strict=True) if e}
     if not used:
-        return Law.constant(gain)
+        return body.Law.constant(gain)
     if list(used.values()) == [1]:
-        return Law((Term(gain, coordinate=next(iter(used))),))
-    return Law((Term(gain, surface=Surface("powers", tuple(used), tuple(map(float, used.values())))),))
+        return body.Law((body.Term(gain, coordinate=next(iter(used))),))
+    return body.Law(
+        (body.Term(gain, surface=body.Surface("powers", tuple(used), tuple(map(float, used.values())))),)
+    )
 
 
 def _is_range(span: Range) -> bool:
@@ -133,19 +139,19 @@ def _fit_law(
     component: str,
     *,
     follow_ends: bool = True,
-) -> Law:
+) -> body.Law:
     library = import_opensim()
     try:
-        shape = fit_piecewise(
+        shape = joints.fit_piecewise(
             lambda x: float(function.calcValue(library.Vector(1, x))), breaks, degree, follow_ends=follow_ends
         )
-    except NotPolynomial as error:
+    except joints.NotPolynomial as error:
         raise ModelRefused(
             f"the {function.getConcreteClassName()} of '{component}' is {error}",
             field=component,
             remedy="Replace it by a SimmSpline through its values",
         ) from error
-    return Law((Term(1.0, coordinate=coordinate, shape=shape),))
+    return body.Law((body.Term(1.0, coordinate=coordinate, shape=shape),))
 
 
 def list_strings(names: Any) -> list[str]:
@@ -153,7 +159,7 @@ def list_strings(names: Any) -> list[str]:
     return [names.get(k) for k in range(names.getSize())]
 
 
-def make_function(law: Law) -> Any:
+def make_function(law: body.Law) -> Any:
     """A law of one coordinate, or of none, as a function of OpenSim's."""
     library = import_opensim()
     if law.is_constant:
@@ -161,7 +167,7 @@ def make_function(law: Law) -> Any:
     if all(t.shape is None for t in law.terms):
         slope = sum(t.gain for t in law.terms if t.coordinate is not None)
         return library.LinearFunction(slope, law.constant_part)
-    shape = merge_shapes(law)
+    shape = joints.merge_shapes(law)
     # Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)
     middle = len(shape.coefficients) // 2
     local = np.poly1d(shape.coefficients[middle])
@@ -169,7 +175,7 @@ def make_function(law: Law) -> Any:
     between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
     there = evaluate_shape(shape, between)
     size = max(1e-3, float(np.abs(there).max()))
-    if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
+    if np.abs(local(between - breaks[middle]) - there).max() > joints.EXACT * size:
         single: list[float] | None = None
     else:
         moved = local(np.poly1d([1.0, -breaks[middle]]))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from scaling_service.core.errors import DependencyMissing, FileUnreadable, ModelRefused
+from scaling_service.core import errors
 
 _WITHOUT_KINEMATICS = ("ForceSet", "ControllerSet", "ProbeSet", "ComponentSet")
 """Sets of a model that its motion does not need."""
@@ -31,7 +31,7 @@ def import_opensim() -> Any:
     try:
         module = importlib.import_module("opensim")
     except ImportError as error:
-        raise DependencyMissing(
+        raise errors.DependencyMissing(
             f"the opensim library cannot be imported ({error})",
             field="opensim",
             remedy="Install it with `pip install scaling-service[opensim]`",
@@ -48,7 +48,7 @@ def load(path: Path, marker_set: str | None = None) -> Any:
         set a marker on a body that is absent.
     """
     if not path.is_file():
-        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
+        raise errors.FileUnreadable("there is no such file", file=path, remedy="Check the path")
     known = path
     if list_unknown(path):
         # The model without what a plug-in defines, and what may name that
@@ -62,7 +62,7 @@ def load(path: Path, marker_set: str | None = None) -> Any:
         model = import_opensim().Model(str(known))
         model.finalizeConnections()
     except RuntimeError as error:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"OpenSim cannot read it ({shorten_message(error)})",
             file=path,
             remedy="Open and save it in OpenSim",
@@ -71,22 +71,24 @@ def load(path: Path, marker_set: str | None = None) -> Any:
         # As OpenSim's scale tool: markers of the set replace those of the same name, others are added.
         path = Path(marker_set)
         if not path.is_file():
-            raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
+            raise errors.FileUnreadable("there is no such file", file=path, remedy="Check the path")
         library = import_opensim()
         try:
             markers = library.MarkerSet(str(path))
         except RuntimeError as error:
-            raise FileUnreadable(
+            raise errors.FileUnreadable(
                 f"OpenSim cannot read this marker set ({shorten_message(error)})",
                 file=path,
                 remedy="It must be an OpenSim MarkerSet file",
             ) from error
         if not markers.getSize():
-            raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
+            raise errors.FileUnreadable(
+                "holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file"
+            )
         for marker in list_items(markers):
             frame = marker.getParentFrameName()
             if not model.hasComponent(frame):
-                raise ModelRefused(
+                raise errors.ModelRefused(
                     f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
                     file=path,
                     field=marker.getName(),
@@ -116,7 +118,7 @@ def list_unknown(path: Path) -> list[tuple[str, str]]:
     for element in root.iter():
         name = element.get("name")
         if name and element.tag.endswith(("Joint", "Constraint")) and _is_unknown(element):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"'{name}' is a {element.tag}, a kind that OpenSim does not know",
                 file=path,
                 field=name,

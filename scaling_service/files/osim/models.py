@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 from scaling_service.core import errors
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.osim.setups import parse_xml
-from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.document import from_document, to_document
+from scaling_service.model import body, document
 from scaling_service.model.results import JointMove
 
 TIME_LIMIT_S = 120.0
@@ -36,7 +35,7 @@ _KINDS: Mapping[str, type[InputError]] = {
 
 _GRAVITY = re.compile(rb"<gravity>\s*([^<]*?)\s*</gravity>")
 
-_NO_FACTORS: Mapping[str, Vector] = MappingProxyType({})
+_NO_FACTORS: Mapping[str, body.Vector] = MappingProxyType({})
 _NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
 _NO_MOVES: Mapping[str, JointMove] = MappingProxyType({})
 
@@ -111,7 +110,7 @@ def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subpr
     )
 
 
-def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:
+def read_osim(path: Path, marker_set: Path | None = None) -> body.BodyModel:
     """Read an OpenSim model of any version that OpenSim itself can upgrade.
 
     ``path``: the ``.osim`` file.
@@ -151,14 +150,14 @@ def _read_version(path: Path) -> _Version:
 
 
 @lru_cache(maxsize=16)  # chosen: more models than one subject ever uses
-def _read(model: _Version, marker_set: _Version | None) -> BodyModel:
+def _read(model: _Version, marker_set: _Version | None) -> body.BodyModel:
     request = {
         "operation": "read",
         "file": str(model.path.resolve()),
         "marker_set": str(marker_set.path.resolve()) if marker_set is not None else None,
     }
     try:
-        found = from_document(ask(request)["model"], file=model.path)
+        found = document.from_document(ask(request)["model"], file=model.path)
     except FileUnreadable:
         # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
         root = parse_xml(model.path)
@@ -177,10 +176,10 @@ def _report_no_model(path: Path) -> FileUnreadable:
 
 
 def render_osim(
-    model: BodyModel,
+    model: body.BodyModel,
     *,
     source: Path | None = None,
-    factors: Mapping[str, Vector] = _NO_FACTORS,
+    factors: Mapping[str, body.Vector] = _NO_FACTORS,
     axis_tilts: Mapping[str, tuple[float, float]] = _NO_TILTS,
     joint_moves: Mapping[str, JointMove] = _NO_MOVES,
     mass_kg: float | None = None,
@@ -212,7 +211,7 @@ def render_osim(
         raise ValueError("fold the parameters into the laws before writing a model")
     request = {
         "operation": "write",
-        "model": to_document(model),
+        "model": document.to_document(model),
         "file": str(source.resolve()) if source is not None else None,
         "marker_set": str(marker_set.resolve()) if marker_set is not None else None,
         "factors": dict(factors),
@@ -226,7 +225,7 @@ def render_osim(
     return text
 
 
-def write_osim(path: Path, model: BodyModel, **how: Any) -> None:
+def write_osim(path: Path, model: body.BodyModel, **how: Any) -> None:
     """Write a model for OpenSim, complete or not at all.
 
     ``path``: the file to write; replaced in one step once the content has been checked.

@@ -14,7 +14,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.documents.subject import HEIGHT_RANGE_M
 from scaling_service.files.tables import read_bytes
-from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
+from scaling_service.model import subject
 
 _DECLARATION = re.compile(r"^[^<]*<\?xml[^>]*\?>")
 _SEPARATORS = re.compile(r"[\[\](),;]")
@@ -74,7 +74,7 @@ def read_body_frames(path: Path) -> dict[str, tuple[str, Array]]:
     return found
 
 
-def read_scale_setup(path: Path) -> ScaleSetup:
+def read_scale_setup(path: Path) -> subject.ScaleSetup:
     """Read an OpenSim scale tool set-up of any version.
 
     ``path``: the set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
@@ -106,19 +106,19 @@ def read_scale_setup(path: Path) -> ScaleSetup:
             manual[_read_text(item, "segment")] = (sizes[0], sizes[1], sizes[2])
     placer = tool.find("MarkerPlacer")
     if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
-        placement: MarkerPlacement | None = None
+        placement: subject.MarkerPlacement | None = None
     else:
         tasks = placer.find("IKTaskSet")
         markers, weights, values = (
             _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
         )
-        placement = MarkerPlacement(
+        placement = subject.MarkerPlacement(
             marker_weights=markers,
             coordinate_weights=weights,
             coordinate_values=values,
             time_range=_read_time_range(path, placer),
         )
-    return ScaleSetup(
+    return subject.ScaleSetup(
         measurements=tuple(_read_measurements(path, setup)) if "measurements" in order else (),
         manual=manual,
         order=order,
@@ -199,7 +199,7 @@ def _list_objects(holder: Element) -> Iterable[Element]:
     return objects if objects is not None else ()
 
 
-def _read_measurements(path: Path, scaler: Element | None) -> Iterable[Measurement]:
+def _read_measurements(path: Path, scaler: Element | None) -> Iterable[subject.Measurement]:
     for item in _list_members(path, scaler, "MeasurementSet"):
         if not _is_applied(item):
             continue
@@ -217,7 +217,7 @@ def _read_measurements(path: Path, scaler: Element | None) -> Iterable[Measureme
                 raise _explain_bad(path, scale, f"<axes> must be among X, Y, Z, not '{said}'")
             axes[scale.get("name", "")] = "".join(axis for axis in _AXES if axis in letters)
         if pairs and axes:
-            yield Measurement(item.get("name", ""), tuple(pairs), axes)
+            yield subject.Measurement(item.get("name", ""), tuple(pairs), axes)
 
 
 def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, ModelRefused
-from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
+from scaling_service.files.osim import checks, from_opensim
 from scaling_service.files.osim.constraints import list_ends
 from scaling_service.files.osim.digits import restore_digits
-from scaling_service.files.osim.from_opensim import is_pure, name_copy, read_body_model
 from scaling_service.files.osim.functions import make_function
 from scaling_service.files.osim.joints import CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import (
@@ -36,7 +35,7 @@ _PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint
 
 def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     """The text of an ``.osim`` file; see ``models.write_osim`` for what is asked and refused."""
-    check_writable(model)
+    checks.check_writable(model)
     osim = _amend_model(model, request) if request["file"] is not None else _build_model(model)
     # Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay.
     laws = [*(joint.law for _, joint in model.joints()), *(c.law for c in model.constraints)]
@@ -46,7 +45,7 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
         if item.name not in used:
             continue
         if not present.contains(item.name):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"the OpenSim model has no coordinate '{item.name}'",
                 field=item.name,
                 remedy="Write the model without a source, or without the added degree of freedom",
@@ -64,7 +63,7 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     osim.updMarkerSet().clearAndDestroy()
     for own in model.markers:
         if own.segment != GROUND and not osim.getBodySet().contains(own.segment):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"marker '{own.name}' sits on '{own.segment}', which the OpenSim model lacks",
                 field=own.name,
                 remedy="Use the names of the model's bodies",
@@ -72,8 +71,8 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
         marker = library.Marker(own.name, _make_body(osim, own.segment), library.Vec3(*own.nominal))
         marker.set_fixed(own.anatomical)
         _give(osim.addMarker, marker)
-    osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
-    check_same(model, _write_and_check(osim, model))
+    osim.setName(re.sub(f"[{re.escape(checks.FORBIDDEN)}]", "_", model.name) or "model")
+    checks.check_same(model, _write_and_check(osim, model))
     text = Path(_WRITTEN).read_text(encoding="utf-8")
     return text if request["file"] is None else put_back(text, Path(request["file"]))
 
@@ -86,13 +85,13 @@ def _write_and_check(osim: Any, model: BodyModel) -> BodyModel:
         osim.printToXML(_WRITTEN)
         written.write_text(restore_digits(written.read_text(encoding="utf-8"), model), encoding="utf-8")
     except RuntimeError as error:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"OpenSim cannot write the model ({shorten_message(error)})", remedy="Check the model in OpenSim"
         ) from error
     try:
-        return read_body_model(load(written))
-    except FileUnreadable as error:
-        raise ModelRefused(
+        return from_opensim.read_body_model(load(written))
+    except errors.FileUnreadable as error:
+        raise errors.ModelRefused(
             f"OpenSim does not read back what it wrote: {error.problem}",
             remedy="Check names, masses and inertias of the model",
         ) from error
@@ -116,7 +115,7 @@ def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
         copies = _list_copies(osim)
         for segment in (s for s in model.segments if s.name not in copies):
             if not osim.getBodySet().contains(segment.name):
-                raise ModelRefused(
+                raise errors.ModelRefused(
                     f"the source model has no body '{segment.name}'",
                     field=segment.name,
                     remedy="Write the model without a source",
@@ -133,7 +132,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         if segment in copies:
             continue
         if not model.getBodySet().contains(segment):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"there is a scale factor for '{segment}', which the model does not have",
                 field=segment,
                 remedy="Use the names of the model's bodies",
@@ -150,7 +149,9 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
     for joint in (custom for custom in customs if custom is not None):
         for number in (3, 4, 5):
             axis = joint.getSpatialTransform().getTransformAxis(number)
-            if is_pure(axis.getFunction()) or sorted(map(abs, list_numbers(axis.get_axis()))) == [
+            if from_opensim.is_pure(axis.getFunction()) or sorted(
+                map(abs, list_numbers(axis.get_axis()))
+            ) == [
                 0.0,
                 0.0,
                 1.0,
@@ -163,7 +164,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"OpenSim cannot scale the model ({shorten_message(error)})",
             remedy="Check the model in OpenSim's scale tool",
         ) from error
@@ -179,7 +180,7 @@ def _list_copies(model: Any) -> set[str]:
     """What copies of bodies would be called that joints carry in loops."""
     joints = list_items(model.getJointSet())
     ends = ((j.getName(), f.findBaseFrame()) for j in joints for f in (j.getParentFrame(), j.getChildFrame()))
-    return {name_copy(body.getName(), joint) for joint, body in ends}
+    return {from_opensim.name_copy(body.getName(), joint) for joint, body in ends}
 
 
 def _scale_componentwise(
@@ -228,7 +229,7 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
     """Turn a joint's rotation axes in the parent's joint frame."""
     library = import_opensim()
     if not model.getJointSet().contains(name):
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"there is an axis tilt for '{name}', which the model does not have",
             field=name,
             remedy="Use the names of the model's joints",
@@ -265,8 +266,8 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
         raise _refuse_without_axis(name, joint.getConcreteClassName())
 
 
-def _refuse_without_axis(name: str, kind: str) -> ModelRefused:
-    return ModelRefused(
+def _refuse_without_axis(name: str, kind: str) -> errors.ModelRefused:
+    return errors.ModelRefused(
         f"joint '{name}', a {kind}, has no rotation axis that can be tilted",
         field=name,
         remedy="Tilt a PinJoint, UniversalJoint, GimbalJoint, BallJoint or CustomJoint",
@@ -325,7 +326,7 @@ def _build_model(model: BodyModel) -> Any:
     try:
         osim.finalizeConnections()
     except RuntimeError as error:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"OpenSim does not accept the model ({shorten_message(error)})",
             remedy="Check masses, inertias and joint axes",
         ) from error

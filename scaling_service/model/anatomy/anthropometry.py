@@ -19,8 +19,8 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.model import reference
 from scaling_service.model.inertia import Sex
-from scaling_service.model.reference import find_reference_folder, read_reference
 
 GROWING_YEARS = (14.0, 18.0)
 """Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
@@ -270,9 +270,9 @@ def _open_sides() -> tuple[tuple[str, ...], Array, Array]:
 
 @cache
 def _read_statistics() -> Any:
-    return read_reference(find_reference_folder() / "anthropometry_ansur2.yaml")
+    return reference.read_reference(reference.find_reference_folder() / "anthropometry_ansur2.yaml")
 
 
 @cache
 def _read_rules() -> Any:
-    return read_reference(find_reference_folder() / "anthropometry_lengths.yaml")
+    return reference.read_reference(reference.find_reference_folder() / "anthropometry_lengths.yaml")

@@ -16,8 +16,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
-from scaling_service.model.anatomy.hip_centre import predict_hip_centres, solve_chord_centre
+from scaling_service.model.anatomy import frames, hip_centre
 from scaling_service.model.anatomy.marker_sets import find_plane_marker
 
 Vector = tuple[float, float, float]
@@ -175,9 +174,9 @@ class Pelvis:
     source: str
 
     @property
-    def frame(self) -> Frames:
+    def frame(self) -> frames.Frames:
         """Origin half-way between the ASIS (Wu 2002 but for the origin)."""
-        return build_pelvis_frame(self.rasis, self.lasis, self.back, self.back)
+        return frames.build_pelvis_frame(self.rasis, self.lasis, self.back, self.back)
 
 
 def with_mirrored_psis(points: Points) -> Points:
@@ -268,7 +267,7 @@ def construct_centres(
 
 
 def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre]:
-    found = predict_hip_centres(
+    found = hip_centre.predict_hip_centres(
         pelvis.rasis,
         pelvis.lasis,
         pelvis.back,
@@ -314,7 +313,7 @@ def _construct_chord(
     label = find_plane_marker(tuple(points), joint, side)
     if label is not None and _is_plane_marker(start.at, outer, points[label], outward):
         plane, how = points[label], f"in the plane of {label}"
-    at = solve_chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
+    at = hip_centre.solve_chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
     if joint == "ankle":
         at = lift_ankle(at, start.at)
     source = f"half its width from the lateral marker, {how}"

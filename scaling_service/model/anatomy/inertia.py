@@ -14,7 +14,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.body import BodyModel, Segment, to_vector
+from scaling_service.model import body, poses
 from scaling_service.model.inertia import (
     InertiaRow,
     InertiaTable,
@@ -23,7 +23,6 @@ from scaling_service.model.inertia import (
     take_six,
     to_matrix,
 )
-from scaling_service.model.poses import Frame, pose_neutral_frames
 
 ROLES = {
     "pelvis": "pelvis",
@@ -85,7 +84,7 @@ TRUNK = "deleva1996"
 class InertiaResult:
     """A model with the inertia of a table."""
 
-    model: BodyModel
+    model: body.BodyModel
     table: str
     notes: tuple[str, ...]  # what had to be decided, in plain English
 
@@ -113,7 +112,7 @@ class Person:
 
 
 def apply_inertia_table(
-    model: BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
+    model: body.BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
 ) -> InertiaResult:
     """Give every segment the mass, centre of mass and tensor that a table says.
 
@@ -153,11 +152,11 @@ def apply_inertia_table(
     return InertiaResult(replace(model, segments=tuple(segments)), table, tuple(dict.fromkeys(notes)))
 
 
-def _average_segments(one: Segment, other: Segment) -> Segment:
+def _average_segments(one: body.Segment, other: body.Segment) -> body.Segment:
     mass, com, inertia = (
         np.mean((getattr(one, name), getattr(other, name)), axis=0) for name in ("mass", "com", "inertia")
     )
-    return replace(one, mass=float(mass), com=to_vector(com), inertia=tuple(inertia.tolist()))
+    return replace(one, mass=float(mass), com=body.to_vector(com), inertia=tuple(inertia.tolist()))
 
 
 def find_possible_tensor(tensor: Array) -> tuple[Array, bool]:
@@ -201,8 +200,8 @@ class _Placed:
 
 
 def _with_inertia(
-    segment: Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
-) -> Segment:
+    segment: body.Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
+) -> body.Segment:
     base, side = _split_side(segment.name)
     if base not in ROLES:
         raise InputError(
@@ -246,7 +245,7 @@ def _with_inertia(
     tensor, changed = find_possible_tensor(tensor)
     if changed:
         notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
-    return replace(segment, mass=mass, com=to_vector(com), inertia=take_six(tensor))
+    return replace(segment, mass=mass, com=body.to_vector(com), inertia=take_six(tensor))
 
 
 def _split_side(name: str) -> tuple[str, str]:
@@ -254,7 +253,7 @@ def _split_side(name: str) -> tuple[str, str]:
     return (name[:-2], name[-1]) if name[-2:] in ("_r", "_l") else (name, "")
 
 
-def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -> list[Segment]:
+def _sum_up_to_mass(segments: list[body.Segment], mass_kg: float, notes: list[str]) -> list[body.Segment]:
     """Segments whose masses sum to the person's, where they make a whole person."""
     if {_split_side(s.name)[0] for s in segments} != WHOLE_BODY:
         left_out = 100.0 * (1.0 - sum(s.mass for s in segments) / mass_kg)
@@ -273,13 +272,13 @@ def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -
 class Neutral:
     """A model in its neutral posture."""
 
-    model: BodyModel
-    frames: Mapping[str, Frame]
+    model: body.BodyModel
+    frames: Mapping[str, poses.Frame]
 
     @classmethod
-    def of(cls, model: BodyModel) -> Neutral:
+    def of(cls, model: body.BodyModel) -> Neutral:
         """Pose the model, all coordinates at zero."""
-        return cls(model, pose_neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
+        return cls(model, poses.pose_neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
 
     def origin(self, segment: str) -> Array | None:
         """A segment's origin in ground, None if the model has no such segment."""

@@ -17,7 +17,7 @@ from functools import cache
 from types import MappingProxyType
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.marker_sets import Side, list_landmarks, list_marker_sets
+from scaling_service.model import marker_sets
 
 _SEPARATORS = re.compile(r"[\s._\-]+")
 _SUFFIX = "STUDY"  # r_knee_study: how OpenCap's video pipeline writes the markers of a physical set
@@ -59,7 +59,7 @@ class Meaning:
 
     landmark: str | None  # the built-in models' name of the landmark; None of tracking markers
     segment: str  # what carries it, without side, as the built-in models call it
-    side: Side
+    side: marker_sets.Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,9 +119,9 @@ def _list_meanings() -> Mapping[str, Meaning]:
             key = make_plain_key(name)
             found[key] = meant if found.get(key, meant) == meant else None
 
-    for landmark in list_landmarks().values():
+    for landmark in marker_sets.list_landmarks().values():
         add((landmark.name, *landmark.aliases), Meaning(landmark.name, landmark.segment, landmark.side))
-    for marker_set in list_marker_sets().values():
+    for marker_set in marker_sets.list_marker_sets().values():
         for label in () if marker_set.key_points else marker_set.labels:
             add(label.names, Meaning(label.landmark, label.segment, label.side))
     return {key: meant for key, meant in found.items() if meant is not None}

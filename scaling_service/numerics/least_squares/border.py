@@ -14,12 +14,7 @@ from scipy import linalg, optimize
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.tree import (
-    compute_jacobian,
-    order_by_frame,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree
 
 _KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
@@ -156,16 +151,16 @@ def _solve_step(
 
 
 def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
-    poses = pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    placed = place_tree_markers(problem.tree, poses)
+    poses = tree.pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
+    placed = tree.place_tree_markers(problem.tree, poses)
     gap = problem.measured[rows] - np.moveaxis(placed, -1, 0)
     squared = np.einsum("nmc,nmc->nm", gap, gap)
     shown = np.isfinite(squared)
     squared = np.where(shown, squared, 0.0)
     weight = np.where(shown, problem.weights * problem.loss.weight(squared), 0.0)
     gap = np.where(shown[:, :, None], gap, 0.0)
-    rates = compute_jacobian(problem.tree, poses, placed, problem.variables)
-    white = order_by_frame(rates)
+    rates = tree.compute_jacobian(problem.tree, poses, placed, problem.variables)
+    white = tree.order_by_frame(rates)
     white *= np.repeat(np.sqrt(weight), 3, axis=1)[:, None]
     gap = gap.reshape(len(gap), -1) * np.repeat(np.sqrt(weight), 3, axis=1)
     stiff = np.square(white[:, : len(problem.coordinates)]).sum(axis=2)

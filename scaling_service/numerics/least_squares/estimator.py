@@ -57,9 +57,6 @@ class Settings:
     damping: float = 1e-4
 
 
-DEFAULT = Settings()
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solution:
     """Coordinates (n_frames, n_coordinates), parameters (n_parameters,), cost (m2) and how it ended."""
@@ -93,7 +90,7 @@ def solve(
     problem: Problem,
     q0: Array,
     p0: Array,
-    settings: Settings = DEFAULT,
+    settings: Settings = Settings(),
     progress: Callable[[int, float], None] | None = None,
     start: Array | None = None,
 ) -> Solution:
@@ -127,7 +124,7 @@ def solve(
     return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
-def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
+def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = Settings()) -> Solution:
     """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
 
     A frame ends with the step that promises too little to be worth another look at the cost.

@@ -12,8 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.numerics.statistics import permutation_tests
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, require_complete
+from scaling_service.numerics.statistics import complete, permutation_tests
 
 NODES = 101
 """0 to 100 % of the cycle, as Pataky's examples and published joint angles (Schwartz 2008: every 2 %)."""
@@ -39,11 +38,11 @@ class Curves:
     values: Array
 
     def __post_init__(self) -> None:
-        table = require_complete(
+        table = complete.require_complete(
             self.values, self.subjects, self.methods, quantity=self.quantity, dimensions=3
         )
         if table.shape[2] < 2:
-            raise ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
+            raise complete.ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
         object.__setattr__(self, "values", table)
 
 
@@ -141,11 +140,11 @@ class WaveformSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha < 1.0:
-            raise ComparisonImpossible(
+            raise complete.ComparisonImpossible(
                 f"a significance level of {self.alpha:g} is not between 0 and 1", field="alpha"
             )
         if self.rearrangements < 2:
-            raise ComparisonImpossible(
+            raise complete.ComparisonImpossible(
                 "a permutation test needs at least two rearrangements", field="rearrangements"
             )
 
@@ -219,7 +218,7 @@ def compare_waveforms(
         pairs = list(combinations(curves.methods, 2))
     else:
         if reference not in curves.methods:
-            raise ComparisonImpossible(
+            raise complete.ComparisonImpossible(
                 f"the reference '{reference}' is not among the methods {', '.join(curves.methods)}",
                 field=curves.quantity,
                 remedy="Name one of them",

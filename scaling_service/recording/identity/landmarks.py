@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model import body
 from scaling_service.model.builtin import load_builtin
 
 _MODEL = "full_body_35dof"
@@ -38,13 +38,13 @@ def list_landmarks() -> tuple[str, ...]:
 
 
 @cache
-def read_body() -> BodyModel:
+def read_body() -> body.BodyModel:
     """The whole-body model with these landmarks as its markers."""
     model = load_builtin(_MODEL)
     own = [m for m in model.markers if m.weight > 0.0 and m.name not in _NOT_MARKED]
-    sacral = Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
+    sacral = body.Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
     more = [
-        Marker.at(
+        body.Marker.at(
             f"{side}{name}",
             segment if segment == "pelvis" else f"{segment}_{side.lower()}",
             (x, y, z if side == "R" else -z),

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.core import errors
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.trial import Trial, is_unlabelled
 
@@ -46,7 +46,7 @@ class Recording(Trial):
 
     unit: str = NOT_STATED  # Of length, as the file states it
     # Its force plates in the laboratory's axes, or why they cannot be used; None where there are none
-    plates: PlateRecording | TrialUnusable | None = None
+    plates: PlateRecording | errors.TrialUnusable | None = None
     # Trajectories such as ``*110``, which nobody labelled, where the format keeps them apart
     unlabelled: Trial | None = None
 
@@ -97,11 +97,11 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         said = f"'{file.suffix}' is not a format of recordings" if file.suffix else "the name has no suffix"
-        raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
+        raise errors.FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
     recording: Recording = reader.load()(file)
     named = sum(not is_unlabelled(label) for label in recording.labels)
     if named > MOST_LABELS:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"it has {named:,} labels, and {MOST_LABELS:,} is the most that is looked at",
             file=file,
             field="labels",

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array as Array
-from scaling_service.core.errors import MarkerMissing, TrialUnusable
 from scaling_service.model.body import Vector
 from scaling_service.numerics.least_squares.problem import find_shown
 
@@ -58,10 +58,6 @@ class MeasuredSizes:
         """All of it by name, m and kg; what is not known is left out."""
         whole = {"height": self.height_m, "mass": self.mass_kg}
         return {name: v for name, v in whole.items() if v is not None} | dict(self.lengths_m)
-
-
-NOT_MEASURED = MeasuredSizes()
-"""Nothing was measured by hand."""
 
 
 def merge(sizes: Iterable[MeasuredSizes]) -> MeasuredSizes:
@@ -156,7 +152,7 @@ class Trial:
     oriented."""
     rate_hz: float
     repairs: tuple[Repair, ...] = field(default=())
-    sizes: MeasuredSizes = NOT_MEASURED  # of the person, as the file states them
+    sizes: MeasuredSizes = field(default_factory=MeasuredSizes)  # of the person, as the file states them
     rotations: Rotations | None = None
 
     def __post_init__(self) -> None:
@@ -166,7 +162,7 @@ class Trial:
                 f"markers {self.markers.shape} do not fit {frames} frames and {len(self.labels)} labels"
             )
         if frames == 0:
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"trial '{self.name}' has no frame", file=self.name, remedy="Record or export it again"
             )
         self.times.setflags(write=False)
@@ -192,7 +188,7 @@ class Trial:
     def index(self, label: str) -> int:
         """Column of a label; raises MarkerMissing."""
         if label not in self.labels:
-            raise MarkerMissing(label, self.name, self.labels)
+            raise errors.MarkerMissing(label, self.name, self.labels)
         return self.labels.index(label)
 
     def position(self, label: str) -> Array:

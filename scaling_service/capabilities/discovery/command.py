@@ -61,7 +61,8 @@ def discover(
 
     A folder of subject files, or a CSV file with a column `subject`, is searched person by person, and then
     for what recurs: effects of the generic model that persons share, with how many of them show it, in
-    recurring.json, and the model without them in generic_model.json.
+    recurring.json, what that does to each one's recordings that did not fit, and the model without them in
+    generic_model.json and .osim.
 
     [bold]Examples[/bold]: scaling-service discover S01.yaml --out found
 
@@ -88,18 +89,23 @@ def _discover_recurring(
     cohort: Path, out: Path, chosen: DiscoverSettings, settings: Settings, *, report: bool, tables: str
 ) -> None:
     with running(out) as progress:
-        from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring
+        from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring, summarise
         from scaling_service.capabilities.shared.tables import make_table_writer
+        from scaling_service.documents.writing import REPORT
 
         write_tables = make_table_writer(tables, out)
         found = discover_recurring(cohort, out, chosen, settings, report=report, progress=progress)
         write_tables({"recurring": found.effects}, found.document)
     console, document = make_console(), found.document
-    console.print(str(found.effects), markup=False, highlight=False, soft_wrap=True)
+    summary = summarise(document)
     say(console, "Verdict", "bold", [f"{document.headline}."])
-    say(console, "Note", "yellow", document.notes)
-    say(console, "Note", "yellow", [f"{who} was not searched: {why}" for who, why in document.failed.items()])
-    list_files(console, out, [f"{FILE_NAME}, and a folder for each person"])
+    for k, line in enumerate(summary.why, 1):
+        console.print(f"{k}. {line}", markup=False, highlight=False, soft_wrap=True)
+    for table in summary.tables:
+        print_table(console, table)
+    say(console, "Note", "yellow", summary.cautions)
+    files = [FILE_NAME, *([REPORT] if report else []), *document.corrected]
+    list_files(console, out, [f"{', '.join(files)}, and a folder for each person"])
 
 
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from html import escape
 from typing import Any
 
@@ -27,7 +27,7 @@ from scaling_service.capabilities.discovery.search.findings import (
     NamedEffect,
     turn_into_probability,
 )
-from scaling_service.capabilities.discovery.search.leanings import Leaning
+from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
@@ -55,7 +55,9 @@ class DiscoverResults:
     lasting: Fit  # after, without movements that skin as a whole could as well be
     left_out: tuple[str, ...]  # the names of these
     bones: BoneKnowledge
-    leanings: Sequence[Leaning] = ()  # what the recordings say of every effect of the model
+    leanings: Leanings = field(
+        default_factory=Leanings
+    )  # what the recordings say of every effect of the model
     wall_s: float = 0.0
     # of a virtual person: what should have been found
     hidden: Sequence[documents.HiddenDocument] | None = None
@@ -169,17 +171,17 @@ def _place(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _list_estimates(leanings: Sequence[Leaning]) -> Iterator[documents.EstimateDocument]:
+def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:
     """What is told of single things of the model, the one that is most unlike it first."""
-    posteriors = [(one, *one.solve()) for one in leanings if one.candidate.kind in _ESTIMATED]
-    posteriors.sort(key=lambda each: -float(each[1] @ np.linalg.solve(each[2], each[1])))
-    for one, size, covariance in posteriors:
+    posteriors = [one for one in leanings.each() if one[0].kind in _ESTIMATED]
+    posteriors.sort(key=lambda one: -float(one[1] @ np.linalg.solve(one[2], one[1])))
+    for candidate, size, covariance, prior in posteriors:
         sds = np.sqrt(np.diag(covariance))
-        told = 1.0 - np.square(sds / one.sd) > _TOLD
+        told = 1.0 - np.square(sds / prior) > _TOLD
         if told.any():
-            numbers = zip(one.candidate.columns, size.tolist(), sds.tolist(), told.tolist(), strict=True)
+            numbers = zip(candidate.columns, size.tolist(), sds.tolist(), told.tolist(), strict=True)
             yield documents.EstimateDocument(
-                **_place(one.candidate),
+                **_place(candidate),
                 parameters={
                     c.name: documents.QuantityDocument(
                         value=c.neutral + c.unit * value, sd=abs(c.unit) * sd, determined=known

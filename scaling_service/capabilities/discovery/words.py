@@ -100,8 +100,10 @@ def describe_effect(
     driver: Sequence[str],
     trials: Sequence[str],
     parameters: Mapping[str, documents.QuantityDocument],
+    *,
+    spread: bool = False,
 ) -> str:
-    """An effect for people: place, meaning, size.
+    """An effect for people: place, meaning, size (with its deviation where asked for).
 
     Examples
     --------
@@ -111,7 +113,7 @@ def describe_effect(
     """
     following = f", here {list_few([spell_name(d) for d in driver])}" if driver else ""
     only = f", in {list_few(trials)} only" if trials else ""
-    sizes = ", ".join(format_quantity(name, quantity) for name, quantity in parameters.items())
+    sizes = ", ".join(format_quantity(name, q, spread=spread) for name, q in parameters.items())
     meaning = find_effects()[kind].meaning
     return f"{list_few(where)}: {meaning}{following}{only}" + (f": {sizes}" if sizes else "")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -46,7 +46,7 @@ from scaling_service.capabilities.discovery.search.gaps import (
     measure_gap,
     rms_by_place,
 )
-from scaling_service.capabilities.discovery.search.leanings import Leaning
+from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import (
     SCALED_HERE,
@@ -72,7 +72,7 @@ class Discovery:
     findings: Findings
     before: Fit
     after: Fit
-    leanings: Sequence[Leaning] = ()
+    leanings: Leanings = field(default_factory=Leanings)
 
 
 def discover(
@@ -110,7 +110,7 @@ def discover(
     steps.begin("measuring the gap", FORCES, 1.0)
     findings = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
-    return Discovery(findings, before, search.fit, search.list_leanings())
+    return Discovery(findings, before, search.fit, search.join_leanings(body))
 
 
 def _summarise(

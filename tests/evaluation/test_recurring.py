@@ -16,9 +16,9 @@ from scaling_service.capabilities.discovery.effects.joints import (
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.mirror import flip_name, mirror_numbers
 from scaling_service.capabilities.discovery.pooling import Pooled, Shared
 from scaling_service.capabilities.discovery.search.leanings import Leanings
-from scaling_service.capabilities.discovery.sides import flip_name, mirror_numbers
 from scaling_service.cli import main
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin

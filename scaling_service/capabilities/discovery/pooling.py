@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.mirror import flip_name, mirror_numbers
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
-from scaling_service.capabilities.discovery.sides import flip_name, mirror_numbers
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 

@@ -76,6 +76,17 @@ def _with_freedom(model: BodyModel, free: FreeMotion, name: str) -> BodyModel:
     return replace(model, coordinates=(*model.coordinates, Coordinate(name=name, kind=free.kind)))
 
 
+def changes_markers(candidate: Candidate) -> bool:
+    """Whether an effect is a fault of the recorded markers."""
+    scaled = any(isinstance(part.spot, VolumeSpot) for column in candidate.columns for part in column.parts)
+    return scaled or isinstance(candidate.change, Exchange)
+
+
+def changes_forces(candidate: Candidate) -> bool:
+    """Whether an effect is a fault of the recorded forces."""
+    return any(isinstance(column.load, Late | PlateFault) for column in candidate.columns)
+
+
 def correct_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
     """The recording freed of the faults that are its own: its scale, exchanged labels."""
     markers = trial.markers

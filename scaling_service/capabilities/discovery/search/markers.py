@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -30,6 +30,7 @@ from scaling_service.capabilities.discovery.ordinary.columns import Base, Combin
 from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
 from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
+from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.core.arrays import Array
 
 _WANDERING, _LASTING = 4, 4
@@ -171,6 +172,15 @@ class BodyTable:
         )
         ranked += [Ranked(odds, candidate) for odds, candidate in of_course]
         return sorted(ranked, key=lambda one: -one.odds)
+
+    def lean(self, keys: Collection[str]) -> Leanings:
+        """What all recordings say of some candidates together."""
+        chosen = [one for one in self.candidates if one[0].key in keys]
+        if not chosen:
+            return Leanings()
+        L = np.concatenate([combination.expand(len(self.base)) for *_, combination in chosen], axis=1)
+        sds = np.concatenate([sd for _, sd, _ in chosen])
+        return Leanings(tuple(c for c, *_ in chosen), *self.table.project(L), sds)
 
     @cached_property
     def left(self) -> list[tuple[White, Array]]:

@@ -466,6 +466,7 @@ export interface EffectDocument {
   carries: boolean;
   parameters: Record<string, QuantityDocument>;
   smallest_nameable: Record<string, number>;
+  advice: string;
   confusable_with: Array<PlacedEffect>;
   would_separate: string | null;
   evidence: EvidenceDocument;

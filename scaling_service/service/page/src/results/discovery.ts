@@ -68,7 +68,7 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
 
 /** A line for each effect, counted from a number on. */
 const told = (effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
-  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), belief != null && h("div", { class: "quiet" }, belief.summary))));
+  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
 
 /** How much of what did not fit an effect it takes off, as a bar. */
 function share(gain: number | null): HTMLElement | false {

@@ -10,6 +10,7 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
+from scaling_service.capabilities.scaling.methods.image_points import find_imaged_parts, find_lengths
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.arrays import Array
@@ -86,14 +87,15 @@ def summarise(
 ) -> SubjectSummary:
     """What a cohort's statistics take of one subject's results.
 
-    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of a
-    leg that was not imaged an image-based method knows no length: what it took over from the other leg
-    is left out here.
+    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of
+    what was not imaged an image-based method knows no length: what it took over from the other leg, from
+    persons alike or from markers is left out here.
     """
     session, scalings = results.session, results.scalings
     motions = {method: scaling.motions for method, scaling in scalings.items()}
     strides = make_stride_curves(session.dynamic, motions, session.model)
-    imaged = _find_imaged(session.images)
+    by_images = any(METHODS[method].needs_images for method in scalings)
+    imaged = _find_imaged(session.model, session.images) if by_images else frozenset()
     return SubjectSummary(
         subject=session.subject.id,
         methods={
@@ -135,13 +137,16 @@ def _summarise_method(
     )
 
 
-def _find_imaged(images: ImageEvidence | None) -> frozenset[str]:
-    """Joint centres and lengths that images show; a leg counts where it was imaged whole."""
+def _find_imaged(model: BodyModel, images: ImageEvidence | None) -> frozenset[str]:
+    """Lengths that images show, and joint centres in segments that they show; each counts by itself."""
     if images is None:
         return frozenset()
-    found = {f"{what}_{s}" for s in images.sides() for what in ("hip", "knee", "ankle", "femur", "shank")}
-    found |= {f"hip_{s}" for s in "rl" if f"hip_{s}" in images.centres}
-    return frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
+    parts = find_imaged_parts(model, images)
+    hips = [f"hip_{side}" for side in "rl" if parts.pelvis is not None and f"hip_{side}" in images.centres]
+    knees, ankles = (
+        [f"{joint}_{s}" for s in found] for joint, found in (("knee", parts.thighs), ("ankle", parts.shanks))
+    )
+    return frozenset([*hips, *knees, *ankles, *find_lengths(images, model)])
 
 
 def _select_judged_trials(session: Session) -> list[str]:

@@ -31,7 +31,7 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     """
     if not subject.bones:
         return None, ()
-    if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
+    if not takes_bones(subject):
         return None, (_BONES_UNUSED,)
     imaged = read_bones(subject.bones, subject.bone_units)
     try:
@@ -45,6 +45,11 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
     notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
     return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
+
+
+def takes_bones(subject: Subject) -> bool:
+    """Whether bones can be used with the subject's model."""
+    return subject.model in BUILTIN_NAMES or subject.model.lower().endswith(".osim")
 
 
 def _tell_bone(name: str, bone: BoneLandmarks) -> Iterator[Note]:

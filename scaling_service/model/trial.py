@@ -261,9 +261,3 @@ class ImageEvidence:
     axis_deviations: Mapping[str, float] = field(default_factory=dict)  # rad
     bones: Mapping[str, Bone] = field(default_factory=dict)
     """Segment to the surface of its bone, as far as imaged."""
-
-    def sides(self) -> tuple[str, ...]:
-        """The legs of which hip, knee and ankle centre are known."""
-        return tuple(
-            s for s in "rl" if all(f"{joint}_{s}" in self.centres for joint in ("hip", "knee", "ankle"))
-        )

@@ -30,7 +30,7 @@ def gather_images(
     """
     if not subject.bones:
         return None, ()
-    if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
+    if not takes_bones(subject):
         return None, (_BONES_UNUSED,)
     imaged = images.read_bones(subject.bones, subject.bone_units)
     try:
@@ -44,6 +44,11 @@ def gather_images(
     evidence = whole.collect_evidence(found, _read_image_markers(subject, model), bones)
     notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
     return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
+
+
+def takes_bones(subject: Subject) -> bool:
+    """Whether bones can be used with the subject's model."""
+    return subject.model in BUILTIN_NAMES or subject.model.lower().endswith(".osim")
 
 
 def _tell_bone(name: str, bone: results.BoneLandmarks) -> Iterator[Note]:

@@ -62,7 +62,7 @@ def _plan(
     movers: list[body.Segment] = []
     changed: list[str] = []
     for number, point in enumerate(muscle.points):
-        gap = _order_surfaces(contacts, number)
+        gap = order_surfaces(contacts, number)
         free = course and isinstance(course[-1], courses.Site) and number + 1 < len(muscle.points) and not gap
         via = make_via(muscle, number, poses.model) if point.coordinate is not None and free else None
         if via is not None:
@@ -146,7 +146,7 @@ def _choose_side(start: Array, stop: Array, touches: Array, radius: float, side:
     return min(tried, key=count_wrong)
 
 
-def _order_surfaces(contacts: Sequence[Sequence[Contact]], number: int) -> list[str]:
+def order_surfaces(contacts: Sequence[Sequence[Contact]], number: int) -> list[str]:
     """The surfaces that are touched after a path point in any pose, in the order of the path."""
     places: dict[str, list[int]] = {}
     for pose in contacts:

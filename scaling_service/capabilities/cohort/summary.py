@@ -175,7 +175,7 @@ def _measure_centres(
 
 
 def _express_centres(
-    models: Mapping[str, tuple[body.BodyModel, Array]], reference: body.body.BodyModel, q: Array
+    models: Mapping[str, tuple[body.BodyModel, Array]], reference: body.BodyModel, q: Array
 ) -> dict[str, dict[str, body.Vector]]:
     return {name: geometry.place_centres(model, own, reference, q) for name, (model, own) in models.items()}
 

@@ -234,7 +234,7 @@ class _Look:
         self.problems += [*self._missing(), *self._folders()]
 
     def _correct_labels(self, item: RecordingFile) -> RecordingFile:
-        """A recording with the labels exchanged that the document says are."""
+        """A recording with the labels put right that the document says are wrong."""
         try:
             wanted = TypeAdapter(list[Correction]).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
@@ -242,7 +242,8 @@ class _Look:
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item
-            trial = mend(item.trial, list_relabellings(wanted), mirrored)
+            whole = item.trial.take_unlabelled({label for one in wanted for label in one.labels})
+            trial = mend(whole, list_relabellings(wanted), mirrored)
             axes = decide_axes(trial, self.settings.up, self.settings.forward)
             return replace(item, trial=trial, axes=axes)
         except InputError as error:

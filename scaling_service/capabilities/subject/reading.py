@@ -96,7 +96,7 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
 
 
 def list_relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
-    """What a document wants exchanged in one recording."""
+    """What a document says of wrong labels in one recording."""
     return tuple(Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -57,11 +57,18 @@ class Recording(Trial):
 
     def with_unlabelled(self) -> Trial:
         """All trajectories, also those that nobody labelled."""
+        return self.trial if self.unlabelled is None else self.take_unlabelled(self.unlabelled.labels).trial
+
+    def take_unlabelled(self, labels: Collection[str]) -> Recording:
+        """The recording with those of these labels among its markers that nobody gave."""
         if self.unlabelled is None:
-            return self.trial
-        labels = (*self.labels, *self.unlabelled.labels)
+            return self
+        taken = self.unlabelled.select([label for label in self.unlabelled.labels if label in labels])
         return replace(
-            self.trial, labels=labels, markers=np.concatenate([self.markers, self.unlabelled.markers], axis=1)
+            self,
+            labels=(*self.labels, *taken.labels),
+            markers=np.concatenate([self.markers, taken.markers], axis=1),
+            unlabelled=self.unlabelled.select([one for one in self.unlabelled.labels if one not in labels]),
         )
 
 

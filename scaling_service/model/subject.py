@@ -43,7 +43,7 @@ class Subject:
     forces : mapping of str to Path
         A trial's file name to the file with its ground forces.
     corrections : mapping of str to tuple of Relabelling
-        A trial's file name to labels that are exchanged in it.
+        A trial's file name to labels that are wrong in it.
     mirrored : mapping of str to str
         A trial's file name to the axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
     bones : mapping of str to Path

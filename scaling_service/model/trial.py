@@ -102,9 +102,12 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Relabelling:
-    """Labels that a person wants exchanged from one time to another, s: as they stand, to the right ones."""
+    """Labels that are wrong from one time to another, s: as they stand, to the right ones.
 
-    labels: Mapping[str, str]
+    None leaves the marker out.
+    """
+
+    labels: Mapping[str, str | None]
     start_s: float
     end_s: float
 

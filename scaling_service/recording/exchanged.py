@@ -19,6 +19,7 @@ from scaling_service.model.trial import (
     Repair,
     Trial,
 )
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 
 LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
@@ -276,26 +277,52 @@ _Kind = TypeVar("_Kind", bound=Trial)
 
 
 def relabel(trial: _Kind, corrections: Iterable[Relabelling]) -> _Kind:
-    """The trial with labels exchanged as a person decided, each change among its repairs.
+    """The trial with labels put right as a person decided, each change among its repairs.
+
+    While it lasts, a marker goes under its right label, in place of what stands there while it is seen; a
+    label that is given away and not taken, or left out, has a gap. A right label that the trial lacks is
+    added.
 
     Raises MarkerMissing: the trial has no such label.
     """
     for item in corrections:
         half = 0.5 / trial.rate_hz  # times in documents are rounded
         inside = (trial.times >= item.start_s - half) & (trial.times <= item.end_s + half)
-        wrong, right = (
-            np.array([trial.index(name) for name in names])
-            for names in zip(*item.labels.items(), strict=True)
-        )
-        markers = trial.markers.copy()
-        markers[np.ix_(inside, right)] = trial.markers[np.ix_(inside, wrong)]
-        span = f"from {item.start_s:.2f} to {item.end_s:.2f} s"
-        said = f"{' and '.join(item.labels)} exchanged {span}, as the subject file says"
+        taken = {trial.index(wrong): right for wrong, right in item.labels.items()}
+        new = [right for right in taken.values() if right is not None and right not in trial.labels]
+        labels = (*trial.labels, *new)
+        markers = np.full((trial.n_frames, len(labels), 3), np.nan)
+        markers[:, : len(trial.labels)] = trial.markers
+        markers[np.ix_(inside, np.array(list(taken)))] = np.nan
+        for wrong, right in taken.items():
+            if right is not None:
+                seen = inside & find_seen(trial.markers[:, wrong])
+                markers[seen, labels.index(right)] = trial.markers[seen, wrong]
+        span = f"from {item.start_s:.2f} to {item.end_s:.2f} s, as the subject file says"
         made = Repair(
-            what="labels_exchanged", where=", ".join(item.labels), detail=said, frames=int(inside.sum())
+            what="labels_exchanged" if set(item.labels) == set(item.labels.values()) else "labels_changed",
+            where=", ".join(item.labels),
+            detail=f"{describe_relabelling(item)} {span}",
+            frames=int(inside.sum()),
         )
-        trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
+        trial = replace(trial, labels=labels, markers=markers, repairs=(*trial.repairs, made))
     return trial
+
+
+def describe_relabelling(item: Relabelling) -> str:
+    """What is done to the labels, without its time.
+
+    Examples
+    --------
+    >>> describe_relabelling(Relabelling({"RKNE": None, "*12": "RANK"}, 0.0, 1.0))
+    'RKNE left out, *12 taken for RANK'
+    """
+    if set(item.labels) == set(item.labels.values()):
+        return f"{' and '.join(item.labels)} exchanged"
+    return ", ".join(
+        f"{wrong} left out" if right is None else f"{wrong} taken for {right}"
+        for wrong, right in item.labels.items()
+    )
 
 
 def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:

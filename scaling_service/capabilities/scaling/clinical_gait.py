@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from scaling_service.capabilities.motion import clinical_angles, saving
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents import results
@@ -223,9 +223,9 @@ def _cut_cycles(
 
 
 def _describe_reason(trials: abc.Sequence[Trial]) -> str:
-    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in frames.SIDES]
-    said = [reason for reason in reasons if reason]
-    return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
+    if not trials:
+        return "no movement was recorded"
+    return explain_no_cycles(trials) or "no whole stride is followed"
 
 
 def write_clinical(folder: Path, gait: ClinicalGait) -> None:

@@ -306,14 +306,14 @@ export interface CoordinateWord {
 }
 
 export interface Correction {
-  labels: Record<string, string>;
+  labels: Record<string, string | null>;
   from_s: number;
   to_s: number;
 }
 
 export interface CorrectionEntry {
   file: string;
-  labels: Record<string, string>;
+  labels: Record<string, string | null>;
   from_s: number;
   to_s: number;
 }

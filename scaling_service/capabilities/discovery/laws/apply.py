@@ -121,13 +121,13 @@ def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate], trial: 
 
 
 def _list_inertial_changes(effect: Estimate) -> list[tuple[str, Array]]:
-    """By segment; a carried load at a point adds the tensor that its mass and first moments make."""
+    """By segment; a carried load at a point has the tensor that its mass and first moments make."""
     found = [(load.segment, size * np.array(load.change)) for load, size in list_loads([effect], Inertial)]
     if effect.candidate.kind == "carried_load" and len(found) == _LOADED_COLUMNS and effect.size[0] > 0.0:
         mass, moment = float(effect.size[0]), effect.size[1:]
         tensor = ((moment @ moment) * np.eye(3) - np.outer(moment, moment)) / mass
         six = [tensor[i, j] for i, j in TENSOR]
-        found.append((found[0][0], np.concatenate([np.zeros(4), six])))
+        return [(found[0][0], np.concatenate([effect.size, six]))]
     return found
 
 

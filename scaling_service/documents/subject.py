@@ -180,20 +180,27 @@ class Bones(_Strict):
 
 
 class Correction(_Strict):
-    """Labels of a recording that stand for each other for a while, and what they should be."""
+    """Labels of a recording that are wrong for a while, and what they should be."""
 
-    labels: dict[Name, Name] = Field(description="A label as it stands in the file, to the right one.")
+    labels: dict[Name, Name | None] = Field(
+        min_length=1,
+        description="A label as it stands in the file, to the right one; null leaves its marker out: a gap, "
+        "filled as gaps are.",
+    )
     from_s: float = Field(description="First time at which they are wrong, by the recording's clock.")
     to_s: float = Field(description="Last time at which they are wrong.")
 
     @model_validator(mode="after")
-    def _exchange(self) -> Correction:
-        if len(self.labels) < 2 or set(self.labels) != set(self.labels.values()):
+    def _each_once(self) -> Correction:
+        right = [label for label in self.labels.values() if label is not None]
+        if len(right) > len(set(right)):
             raise _make_error(
-                "labels are only exchanged with each other",
-                "Give each label of the exchange once on either side, such as {RLFE: RMFE, RMFE: RLFE}",
+                "two labels cannot be one marker",
+                "Give each right label once, and null to what is to be left out",
                 "labels",
             )
+        if any(label == name for label, name in self.labels.items()):
+            raise _make_error("a label stands for itself", "Name only labels that are wrong", "labels")
         if self.to_s < self.from_s:
             raise _make_error("it ends before it begins", "Give the earlier time first", "to_s")
         return self
@@ -214,7 +221,7 @@ class SubjectDocument(_Strict):
     trials: Trials
     forces: dict[Name, Name] = Field(default={}, description="A trial's file name to its file of forces.")
     corrections: dict[Name, list[Correction]] = Field(
-        default={}, description="A trial's file name to labels that are exchanged in it for a while."
+        default={}, description="A trial's file name to labels that are wrong in it for a while."
     )
     mirrored: dict[Name, Literal["x", "y", "z"]] = Field(
         default={}, description="A trial's file name to the axis along which its markers are mirrored."

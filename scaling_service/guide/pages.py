@@ -103,21 +103,16 @@ def _describe(name: str) -> str:
     node = _find(module, name)
     if isinstance(node, ast.FunctionDef):
         returns = f" -> {ast.unparse(node.returns)}" if node.returns else ""
-        arguments = [*_list_arguments(node.args)]
+        # Each as it is written, with `*` before those by keyword only
+        own = node.args
+        defaults = [None] * (len(own.args) - len(own.defaults)) + list(own.defaults)
+        arguments = [*map(_format_argument, own.args, defaults), *(["*"] if own.kwonlyargs else [])]
+        arguments += map(_format_argument, own.kwonlyargs, own.kw_defaults)
         signature = f"{name}(\n{''.join(f'    {argument},{chr(10)}' for argument in arguments)}){returns}"
         parts = _translate(ast.get_docstring(node))
     else:
         signature, parts = f"class {name}", _describe_class(module, node)
     return "\n\n".join([f"## {name}", f"```\n{signature}\n```", *parts])
-
-
-def _list_arguments(arguments: ast.arguments) -> Iterator[str]:
-    """Each as it is written, with ``*`` before those by keyword only."""
-    defaults = [None] * (len(arguments.args) - len(arguments.defaults)) + list(arguments.defaults)
-    yield from map(_format_argument, arguments.args, defaults)
-    if arguments.kwonlyargs:
-        yield "*"
-    yield from map(_format_argument, arguments.kwonlyargs, arguments.kw_defaults)
 
 
 def _format_argument(argument: ast.arg, default: ast.expr | None) -> str:
@@ -199,14 +194,12 @@ def _translate(docstring: str | None) -> Iterator[str]:
         elif title == "Notes":
             yield _format_inline(body).strip()
         else:
-            entries = "\n".join(_format_entry(*found) for found in _ENTRY.findall(body))
-            yield f"**{title}**\n\n{entries}"
-
-
-def _format_entry(head: str, body: str) -> str:
-    name, _, kind = head.partition(" : ")
-    said = " ".join(dedent(body).split())
-    return f"- `{name}`{f' ({kind})' if kind else ''}: {_format_inline(said)}"
+            entries = []
+            for head, said in _ENTRY.findall(body):
+                name, _, kind = head.partition(" : ")
+                text = _format_inline(" ".join(dedent(said).split()))
+                entries.append(f"- `{name}`{f' ({kind})' if kind else ''}: {text}")
+            yield "\n".join([f"**{title}**", "", *entries])
 
 
 def _format_inline(text: str) -> str:
@@ -338,15 +331,9 @@ def _split(name: str) -> Iterator[Section]:
             if heading:
                 title, heading = token.content, False
             else:
-                text.append(_strip_marks(token))
+                parts = [child.content or " " for child in token.children or ()]
+                text.append(token.content if token.children is None else "".join(parts))
     yield Section(page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text))
-
-
-def _strip_marks(token: Token) -> str:
-    """The words of a block, without its marks."""
-    if token.children is None:
-        return token.content
-    return "".join(child.content or " " for child in token.children)
 
 
 def search(words: str) -> list[Section]:

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import Vector, to_vector
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.model import body, reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +65,7 @@ class Opposite:
     """
 
     ends: tuple[str, str]
-    sd: Vector
+    sd: body.Vector
     width: str
 
 
@@ -75,13 +74,13 @@ class People:
     """The table; landmarks are named without side."""
 
     hip_regressions: tuple[str, ...]
-    hip_sd: Vector  # m
+    hip_sd: body.Vector  # m
     hip_sides: float
     skin_over_asis: tuple[float, float]  # mean and SD, m, forward
     skin_over_psis: tuple[float, float]  # mean and SD, m, backward
     knee_axis_sd: float  # rad
-    palpation: Mapping[str, Vector]  # m
-    palpation_other: Vector  # m
+    palpation: Mapping[str, body.Vector]  # m
+    palpation_other: body.Vector  # m
     opposite: tuple[Opposite, ...]
     skin_rows: tuple[tuple[tuple[str, ...], SkinSize], ...]
     skin_other: SkinSize
@@ -127,7 +126,7 @@ class People:
         besides = share * np.sqrt(np.maximum(np.square(at_joints) - size.single**2, 0.0))
         return size.times(share).covariance(places, np.where(at_joints, besides, 0.0))
 
-    def place_sd(self, landmark: str) -> Vector:
+    def place_sd(self, landmark: str) -> body.Vector:
         """Standard deviation of a marker's place, m, along each axis of its segment.
 
         ``landmark``: without side.
@@ -144,7 +143,7 @@ def read_people() -> People:
     >>> read_people().skin("femur_r").shift
     0.006
     """
-    table: Mapping[str, Any] = read_reference(find_reference_folder() / "people.yaml")
+    table: Mapping[str, Any] = reference.read_reference(reference.find_reference_folder() / "people.yaml")
     hip, spines, skin, image = (table[name] for name in ("hip", "skin_over_spines", "skin", "image"))
     return People(
         hip_regressions=tuple(hip["regressions"]),
@@ -177,8 +176,8 @@ def read_people() -> People:
     )
 
 
-def _metres(millimetres: Any) -> Vector:
-    return to_vector(round(1e-3 * float(value), 9) for value in millimetres)
+def _metres(millimetres: Any) -> body.Vector:
+    return body.to_vector(round(1e-3 * float(value), 9) for value in millimetres)
 
 
 def _read_skin(row: Mapping[str, Any]) -> SkinSize:

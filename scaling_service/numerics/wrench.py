@@ -170,25 +170,21 @@ def compute_regressor_blocks(
     """
     for rows in split_blocks(motion.n, size):
         state = move_links(mechanism, motion.block(rows), p)
-        links = _link_regressors(state, gravity).reshape(-1, 6, rows.stop - rows.start)
+        # Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)
+        axes, origins = state.poses.axes, state.poses.origins
+        spin, pace = state.twists[:, 3:], state.accelerations[:, 3:]
+        lift = point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
+        result = np.zeros((len(axes), N_PARAMETERS, 6, axes.shape[-1]))
+        result[:, 0, :3] = lift
+        for j in range(3):  # a unit first moment along axis j
+            arm = axes[:, j]
+            result[:, 1 + j, :3] = cross(pace, arm) + cross(spin, cross(spin, arm))
+            result[:, 1 + j, 3:] = cross(arm, lift)
+        result[:, :4, 3:] += cross(origins[:, None], result[:, :4, :3])
+        result[:, 4:, 3:] = _compute_tensor_columns(axes, spin, pace)
+        links = result.reshape(-1, 6, rows.stop - rows.start)
         links[:, 3:] -= cross(state.poses.origins[0], links[:, :3])
         yield RegressorBlock(rows, np.ascontiguousarray(np.moveaxis(links, -1, 0).transpose(0, 2, 1)))
-
-
-def _link_regressors(state: LinkMotion, gravity: Array) -> Array:
-    """Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)."""
-    axes, origins = state.poses.axes, state.poses.origins
-    spin, pace = state.twists[:, 3:], state.accelerations[:, 3:]
-    lift = point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
-    result = np.zeros((len(axes), N_PARAMETERS, 6, axes.shape[-1]))
-    result[:, 0, :3] = lift
-    for j in range(3):  # a unit first moment along axis j
-        arm = axes[:, j]
-        result[:, 1 + j, :3] = cross(pace, arm) + cross(spin, cross(spin, arm))
-        result[:, 1 + j, 3:] = cross(arm, lift)
-    result[:, :4, 3:] += cross(origins[:, None], result[:, :4, :3])
-    result[:, 4:, 3:] = _compute_tensor_columns(axes, spin, pace)
-    return result
 
 
 def _compute_tensor_columns(axes: Array, spin: Array, pace: Array) -> Array:

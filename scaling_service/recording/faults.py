@@ -190,7 +190,25 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     paths = paths[:, np.isfinite(paths).all(axis=2).mean(axis=0) > _SEEN]
     if frames < _LEAST[0] or paths.shape[1] < _LEAST[1]:
         return trial
-    hertz, power, of_place = _compute_spectrum(_without_gaps(paths), trial.rate_hz)
+    # Gaps of paths (n, m, 3) bridged by straight lines
+    at, filled = np.arange(len(paths)), paths.copy()
+    for k in np.flatnonzero(~np.isfinite(paths).all(axis=(0, 2))).tolist():
+        known = np.isfinite(paths[:, k]).all(axis=1)
+        for axis in range(3):
+            filled[:, k, axis] = np.interp(at, at[known], paths[known, k, axis])
+    # Frequencies (Hz), squares of all accelerations there (m2/s4), and of what depends on place alone
+    acceleration = np.diff(filled, 2, axis=0) * trial.rate_hz**2
+    window = np.hanning(len(acceleration) + 2)[1:-1]
+    points = _FINER * len(acceleration)
+    hertz = np.fft.rfftfreq(points, 1.0 / trial.rate_hz)
+    some = (hertz >= SHAKEN_HZ / 2.0) & (
+        hertz <= _FASTEST * trial.rate_hz
+    )  # and what a line must stand above
+    lines = np.fft.rfft(acceleration * window[:, None, None], points, axis=0)[some] * 2.0 / window.sum()
+    place = filled.mean(axis=0)
+    functions = np.linalg.qr(np.column_stack([np.ones(len(place)), place - place.mean(axis=0)]))[0]
+    shared = np.einsum("mk,fma->fka", functions, lines)
+    hertz, power, of_place = hertz[some], *(np.square(np.abs(x)).sum(axis=(1, 2)) for x in (lines, shared))
     if not len(hertz):  # too few frames a second to show any shaking
         return trial
     beside, near = _average_beside(power), _average_beside(of_place)
@@ -222,30 +240,6 @@ def _average_beside(power: Array) -> Array:
         total, count = (ndimage.convolve1d(x, ring, mode="constant") for x in (power, np.ones(len(power))))
         sides.append(total / np.maximum(count, 1.0))
     return np.asarray(np.maximum(*sides)) + 1e-300
-
-
-def _without_gaps(paths: Array) -> Array:
-    """Gaps of paths (n, m, 3) bridged by straight lines."""
-    at, filled = np.arange(len(paths)), paths.copy()
-    for k in np.flatnonzero(~np.isfinite(paths).all(axis=(0, 2))).tolist():
-        known = np.isfinite(paths[:, k]).all(axis=1)
-        for axis in range(3):
-            filled[:, k, axis] = np.interp(at, at[known], paths[known, k, axis])
-    return filled
-
-
-def _compute_spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array]:
-    """Frequencies (Hz), squares of all accelerations there (m2/s4), and of what depends on place alone."""
-    acceleration = np.diff(paths, 2, axis=0) * rate_hz**2
-    window = np.hanning(len(acceleration) + 2)[1:-1]
-    points = _FINER * len(acceleration)
-    hertz = np.fft.rfftfreq(points, 1.0 / rate_hz)
-    some = (hertz >= SHAKEN_HZ / 2.0) & (hertz <= _FASTEST * rate_hz)  # and what a line must stand above
-    lines = np.fft.rfft(acceleration * window[:, None, None], points, axis=0)[some] * 2.0 / window.sum()
-    place = paths.mean(axis=0)
-    functions = np.linalg.qr(np.column_stack([np.ones(len(place)), place - place.mean(axis=0)]))[0]
-    shared = np.einsum("mk,fma->fka", functions, lines)
-    return hertz[some], *(np.square(np.abs(x)).sum(axis=(1, 2)) for x in (lines, shared))
 
 
 def remove_spikes(forces: GroundForces) -> GroundForces:

@@ -43,3 +43,23 @@ def spell_name(name: str) -> str:
     if stem and side in ("r", "l"):
         return f"{stem.replace('_', ' ')}, {'right' if side == 'r' else 'left'}"
     return name.replace("_", " ")
+
+
+_OF_PARAMETERS = {"scale": "length", "axis": "axis", "centre": "centre"}
+
+
+def spell_parameter(name: str) -> str:
+    """A number of a model for people: what of which part.
+
+    Examples
+    --------
+    >>> spell_parameter("scale.femur_l"), spell_parameter("axis.knee_r.x"), spell_parameter("scale.pelvis")
+    ("the left femur's length", "the right knee's axis, x", "the pelvis's length")
+    """
+    group, _, place = name.partition(".")
+    stem, *components = place.split(".")
+    if group not in _OF_PARAMETERS or not stem:
+        return name
+    words, _, side = spell_name(stem).partition(", ")
+    of = f"the {side + ' ' if side else ''}{words}'s {_OF_PARAMETERS[group]}"
+    return ", ".join((of, *components))

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.files import sto
 from scaling_service.files.trc import write_trc
+from scaling_service.model import builtin, inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import pose_markers
@@ -51,7 +50,7 @@ def record_on_plates(
     ``truth``: the person, with feet and inertia; the generic full body unless given. ``noise_m``: standard
     deviation of each coordinate of a marker.
     """
-    model = truth or load_builtin("full_body_35dof")
+    model = truth or builtin.load_builtin("full_body_35dof")
     rng = np.random.default_rng(seed)
     times = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     q = repeat_default_pose(model, len(times))
@@ -65,20 +64,18 @@ def record_on_plates(
     names = tuple(m.name for m in model.markers)
     markers = pose_markers(compile_model(model, names), q, list_parameter_values(model))
     wrench, _ = compute_root_wrench(
-        compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
+        inertia.compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
     )
-    feet = [_find_middle(names, markers, side) for side in "RL"]
+    feet = []
+    for side in "RL":
+        # Of a foot, on the ground, (3,)
+        heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
+        feet.append(np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])]))
     plates = _share_wrench(wrench.T, *feet)
     seen = markers + rng.normal(0.0, noise_m, markers.shape)
     return Recorded(
         model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, plates
     )
-
-
-def _find_middle(names: tuple[str, ...], markers: Array, side: str) -> Array:
-    """Of a foot, on the ground, (3,)."""
-    heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
-    return np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])])
 
 
 def _share_wrench(wrench: Array, right: Array, left: Array) -> tuple[Array, Array]:
@@ -101,7 +98,9 @@ def write_forces(path: Path, times: Array, plates: tuple[Array, ...]) -> None:
     labels = [
         f"ground_force_{k + 1}_{what}{axis}" for k in range(len(plates)) for what in "vpm" for axis in "xyz"
     ]
-    write_sto(path, Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates])))
+    sto.write_sto(
+        path, sto.Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates]))
+    )
 
 
 def write_plates_example(folder: Path) -> dict[str, Any]:
@@ -111,7 +110,7 @@ def write_plates_example(folder: Path) -> dict[str, Any]:
         found = record_on_plates(name=name, seed=seed, noise_m=MARKER_NOISE_M)
         write_trc(folder / f"{name}.trc", found.trial, "mm")
         write_forces(folder / f"{name}_grf.mot", found.trial.times, found.plates)
-    person, mass_kg = load_generic_person("full_body_35dof"), round(sum_mass(found.truth), 3)
+    person, mass_kg = builtin.load_generic_person("full_body_35dof"), round(inertia.sum_mass(found.truth), 3)
     document = {
         "subject": {"id": "plates", "sex": "M", "height_m": person.height_m, "mass_kg": mass_kg},
         "model": "full_body_35dof",

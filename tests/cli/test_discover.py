@@ -14,7 +14,7 @@ from scaling_service.capabilities.discovery import run as discover_run
 from scaling_service.capabilities.discovery.command import show
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
 from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
-from scaling_service.capabilities.discovery.text import write_headline
+from scaling_service.capabilities.discovery.words import write_headline
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
@@ -32,14 +32,15 @@ def document() -> DiscoveryDocument:
     return make_discovery_document(replace(found(), hidden=(_ONE,)), ["model.json"])
 
 
-def said(document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]) -> str:
-    show(document, Path("somewhere"))
+def said(document: DiscoveryDocument, capsys: pytest.CaptureFixture[str], *, everything: bool = True) -> str:
+    show(document, Path("somewhere"), everything=everything)
     return capsys.readouterr().out
 
 
 def test_effects_sizes_and_the_gap_are_shown(
     document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert "held out: all together" not in said(document, capsys, everything=False)
     out = said(document, capsys)
     row = next(line for line in out.splitlines() if line.startswith("soft tissue artefact"))
     assert "RLFE" in row
@@ -47,6 +48,27 @@ def test_effects_sizes_and_the_gap_are_shown(
     assert "→" in row
     assert "held out: all together, times what is ordinary" in out
     assert "Verdict  2 missing effects were found" in out
+
+
+def test_the_story_is_three_lines_each_with_its_share_and_what_to_do(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = document.effects[0]
+    half = one.evidence.model_copy(update={"gain_held_out": 0.5})
+    one = one.model_copy(update={"evidence": half, "advice": "Level the floor."})
+    out = said(document.model_copy(update={"effects": [one] * 5}), capsys, everything=False)
+    assert out.count("Level the floor.") == out.count("█" * 10 + "░" * 10 + " takes 50 %") == 3
+    assert [line[:2] for line in out.splitlines() if one.name in line] == ["1.", "2.", "3."]
+    assert "And 2 more" in out
+    assert "--all" in out
+
+
+def test_what_to_do_follows_from_where_the_fault_is(document: DiscoveryDocument) -> None:
+    advice = {effect.kind: effect.advice for effect in document.effects}
+    assert "corrected/" in advice["marker_swap"]
+    assert (
+        "not in the model" in advice["soft_tissue_artefact"] or "model.json" in advice["soft_tissue_artefact"]
+    )
 
 
 def test_the_answer_comes_after_the_verdict(

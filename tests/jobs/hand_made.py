@@ -6,6 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from scaling_service.capabilities.discovery.document import (
+    GapDocument,
+    LevelDocument,
+    PlaceLevelDocument,
+    Unit,
+)
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
     Column,
@@ -15,7 +21,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 )
 from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
-from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, NamedEffect
+from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 
 
 def named(candidate: Candidate, size: list[float], sd: list[float]) -> NamedEffect:
@@ -85,19 +91,20 @@ TOUCH = replace(
 
 def findings(*effects: NamedEffect) -> Findings:
     """With a gap whose numbers are round, and a ceiling that is not known."""
-    level = Level(before=0.010, after=0.002, floor=0.001, ceiling=float("nan"), low=0.0015, high=0.0025)
-    force = Level(before=20.0, after=5.0, floor=4.0, ceiling=10.0, low=4.5, high=5.5)
-    gap = Gap(
-        {
-            "whitened": Level(before=10.0, after=2.0, floor=1.0, ceiling=5.0, low=1.5, high=2.5),
-            "markers": level,
-            "force": force,
-        },
-        {
-            "RLFE": level,
-            "fx": force,
-            "mx": Level(before=3.0, after=1.0, floor=0.5, ceiling=float("nan"), low=0.9, high=1.1),
-        },
+    level = LevelDocument(before=10.0, after=2.0, floor=1.0, ceiling=None, low=1.5, high=2.5)
+    force = LevelDocument(before=20.0, after=5.0, floor=4.0, ceiling=10.0, low=4.5, high=5.5)
+    moment = LevelDocument(before=3.0, after=1.0, floor=0.5, ceiling=None, low=0.9, high=1.1)
+    units: dict[str, tuple[LevelDocument, Unit]] = {
+        "RLFE": (level, "mm"),
+        "fx": (force, "N"),
+        "mx": (moment, "N m"),
+    }
+    gap = GapDocument(
+        whitened=level.model_copy(update={"ceiling": 5.0}),
+        markers_mm=level,
+        force_N=force,
+        moment_Nm=None,
+        places={name: PlaceLevelDocument(**dict(own), unit=unit) for name, (own, unit) in units.items()},
     )
     return Findings(
         verdict="found",

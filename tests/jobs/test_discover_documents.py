@@ -15,10 +15,9 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
-from scaling_service.capabilities.discovery.numbers import format_quantity
 from scaling_service.capabilities.discovery.result import make_discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.text import describe_meaning, write_headline
+from scaling_service.capabilities.discovery.words import format_quantity, write_headline
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 
@@ -100,7 +99,7 @@ def test_effects_without_columns_have_their_own_numbers() -> None:
 
 def test_every_kind_has_a_meaning() -> None:
     assert set(find_effects()) == KINDS
-    assert all(len(describe_meaning(kind)) > 10 for kind in find_effects())
+    assert all(len(effect.meaning) > 10 for effect in find_effects().values())
 
 
 def test_a_mass_has_its_unit_once() -> None:

@@ -133,13 +133,13 @@ def test_what_opensim_cannot_hold_is_left_out_and_said() -> None:
 
 @NEEDS_OPENSIM
 def test_the_file_that_the_model_came_from_is_changed(tmp_path: Path) -> None:
-    """Sizes, axes, markers and masses: then muscles and meshes of the file stay."""
+    """Sizes, centres, axes, markers and masses: then muscles and meshes of the file stay."""
     source = tmp_path / "source.osim"
     write_osim(source, MODEL)
     generic = read_osim(source)
-    what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=generic)
-    assert plan_osim(what, prepared(generic, source)).amended
-    assert not plan_osim(fit_of(GLIDE, model=generic), prepared(generic, source)).amended
+    what = fit_of(TILT, LENGTH, CENTRE, OFFSET, HEAVIER, model=generic)
+    assert plan_osim(what, prepared(generic, source)).changes is not None
+    assert plan_osim(fit_of(GLIDE, model=generic), prepared(generic, source)).changes is None
     assert write_corrected_osim(tmp_path / "model.osim", what, prepared(generic, source)) == ()
     read, ours = read_osim(tmp_path / "model.osim"), correct_model(what)
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
@@ -165,8 +165,8 @@ def test_joints_that_an_image_moved_stay_moved(tmp_path: Path) -> None:
         method="EB", model=found.model, generic=generic, scale_factors=factors, joint_moves=found.moves
     )
     before = replace(prepared(generic, source), calibration=imaged, model=found.model)
-    what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=found.model)
-    assert plan_osim(what, before).amended
+    what = fit_of(TILT, LENGTH, CENTRE, OFFSET, HEAVIER, model=found.model)
+    assert plan_osim(what, before).changes is not None
     assert write_corrected_osim(tmp_path / "model.osim", what, before) == ()
     read, ours = read_osim(tmp_path / "model.osim"), correct_model(what)
     q = np.random.default_rng(2).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
@@ -193,7 +193,7 @@ def test_what_is_not_the_models_leaves_its_file_alone() -> None:
         ONE,
     )
     plan = plan_osim(fit_of(plate, leaning), source)
-    assert plan.amended
+    assert plan.changes is not None
     assert plan.model == correct_model(fit_of())
     assert len(plan.left_out) == 1
     assert "gravity" in plan.left_out[0]

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
-from scaling_service.capabilities.discovery.report import summarise
 from scaling_service.capabilities.discovery.saving import save_discovery
+from scaling_service.capabilities.discovery.words import summarise
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.files.trc import read_trc
 from scaling_service.model.document import from_document

@@ -14,7 +14,6 @@ from scaling_service.capabilities.discovery.checks import (
     check_fits,
     check_lengths,
     measure_typical_distance,
-    mirror_labels,
 )
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare
@@ -84,17 +83,6 @@ def test_a_model_of_another_size_is_refused_where_it_is_taken_as_it_is() -> None
     for scaled_here, said in ((False, "does not have this person's size"), (True, "does not follow")):
         with pytest.raises(TrialUnusable, match=said):
             check_fits(tall, whole.dynamic, scaled=scaled_here)
-
-
-@pytest.mark.parametrize("size", [0.9, 1.1])
-def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -> None:
-    whole = session()
-    other = scale_model(
-        load_builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (size,) * 3)
-    )
-    check_fits(other, whole.dynamic, scaled=True)
-    with pytest.raises(TrialUnusable, match="left and the right"):
-        check_fits(whole.model, [t.relabel(mirror_labels(t.labels)) for t in whole.dynamic], scaled=True)
 
 
 def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> None:

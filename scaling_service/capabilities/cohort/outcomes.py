@@ -25,11 +25,11 @@ from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import reading
+from scaling_service.capabilities.subject.images import takes_bones
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.writing import code_version
-from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 
 Status = Literal["done", "skipped", "failed"]
@@ -93,12 +93,14 @@ def select_possible_methods(
     subject: Subject, methods: abc.Sequence[str] | None = None
 ) -> tuple[tuple[str, ...], dict[str, str]]:
     """The methods, of those asked for or all, that a subject's files allow; the others with the reason."""
-    imaged = bool(subject.bones) and subject.model in BUILTIN_NAMES
+    imaged = bool(subject.bones) and takes_bones(subject)
     left_out = {}
     wanted = methods or tuple(table.METHODS)
     for name in wanted:
         if table.METHODS[name].needs_images and not imaged:
-            left_out[name] = "no bones" if not subject.bones else "bones are used with built-in models only"
+            left_out[name] = (
+                "no bones" if not subject.bones else "bones are used with built-in and .osim models only"
+            )
         elif isinstance(table.METHODS[name], Optimised) and not subject.calibration:
             left_out[name] = "no calibration trial"
     return tuple(name for name in wanted if name not in left_out), left_out

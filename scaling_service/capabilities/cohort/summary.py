@@ -11,11 +11,13 @@ import numpy as np
 from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
+from scaling_service.capabilities.scaling.methods.image_points import find_imaged_parts, find_lengths
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.subject import Session
+from scaling_service.model.trial import ImageEvidence
 
 TRUTH = "truth"
 """Stands beside the methods' names where the true body is known."""
@@ -85,23 +87,15 @@ def summarise(
 ) -> SubjectSummary:
     """What a cohort's statistics take of one subject's results.
 
-    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of a
-    leg that was not imaged an image-based method knows no length: what it took over from the other leg
-    is left out here.
+    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of
+    what was not imaged an image-based method knows no length: what it took over from the other leg, from
+    persons alike or from markers is left out here.
     """
     session, scalings = results.session, results.scalings
     motions = {method: scaling.motions for method, scaling in scalings.items()}
     strides = make_stride_curves(session.dynamic, motions, session.model)
-    # Joint centres and lengths that images show; a leg counts where it was imaged whole.
-    imaged: frozenset[str] = frozenset()
-    if session.images is not None:
-        found = {
-            f"{what}_{s}"
-            for s in session.images.sides()
-            for what in ("hip", "knee", "ankle", "femur", "shank")
-        }
-        found |= {f"hip_{s}" for s in "rl" if f"hip_{s}" in session.images.centres}
-        imaged = frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
+    by_images = any(METHODS[method].needs_images for method in scalings)
+    imaged = _find_imaged(session.model, session.images) if by_images else frozenset()
     return SubjectSummary(
         subject=session.subject.id,
         methods={
@@ -150,6 +144,18 @@ def _summarise_method(
         from_truth_m=metres,
         from_truth_rad=radians,
     )
+
+
+def _find_imaged(model: body.BodyModel, images: ImageEvidence | None) -> frozenset[str]:
+    """Lengths that images show, and joint centres in segments that they show; each counts by itself."""
+    if images is None:
+        return frozenset()
+    parts = find_imaged_parts(model, images)
+    hips = [f"hip_{side}" for side in "rl" if parts.pelvis is not None and f"hip_{side}" in images.centres]
+    knees, ankles = (
+        [f"{joint}_{s}" for s in found] for joint, found in (("knee", parts.thighs), ("ankle", parts.shanks))
+    )
+    return frozenset([*hips, *knees, *ankles, *find_lengths(images, model)])
 
 
 def _select_judged_trials(session: Session) -> list[str]:

@@ -93,7 +93,7 @@ def _measure_left_over(segments: set[str], model: BodyModel, findings: Findings)
     for gap in (findings.fit, findings.held_out):
         for name, level in gap.places.items():
             if name in model.marker_names and model.marker(name).segment in segments:
-                after, floor = after + level.after**2, floor + level.floor**2
+                after, floor = after + (level.after or 0.0) ** 2, floor + (level.floor or 0.0) ** 2
     return float(np.sqrt(after / floor)) if floor > 0.0 else 0.0
 
 

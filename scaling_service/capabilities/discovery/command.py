@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ import typer
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
 from scaling_service.capabilities.shared.screen import (
+    draw_bar,
     list_files,
     make_console,
     print_subject,
@@ -23,8 +23,6 @@ from scaling_service.capabilities.shared.settings import Settings
 if TYPE_CHECKING:
     from scaling_service.capabilities.discovery.document import DiscoveryDocument
 
-_MOST_LEFT = 5  # places with something left over on the screen (chosen)
-
 
 @with_flags
 def discover(
@@ -35,7 +33,7 @@ def discover(
     tables: Tables = "",
     report: Report = True,
     everything: Annotated[
-        bool, typer.Option("--all", help="Deprecated: all that is named is shown anyway.")
+        bool, typer.Option("--all", help="Show the tables of all effects and gaps, too, not the story alone.")
     ] = False,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, and show the gap shrink.
@@ -63,7 +61,8 @@ def discover(
 
     A folder of subject files, or a CSV file with a column `subject`, is searched person by person, and then
     for what recurs: effects of the generic model that persons share, with how many of them show it, in
-    recurring.json, and the model without them in generic_model.json.
+    recurring.json, what that does to each one's recordings that did not fit, and the model without them in
+    generic_model.json and .osim.
 
     [bold]Examples[/bold]: scaling-service discover S01.yaml --out found
 
@@ -71,8 +70,6 @@ def discover(
 
     scaling-service demo --discover --out hidden
     """
-    if everything:
-        warnings.warn("--all of discover does nothing any more and will go", DeprecationWarning, stacklevel=2)
     if subject.is_dir() or subject.suffix.lower() == ".csv":
         _discover_recurring(subject, out, chosen, settings, report=report, tables=tables)
         return
@@ -85,25 +82,30 @@ def discover(
         results = compute(subject, chosen, settings, progress=progress)
         document = save_discovery(results, out, report=report, progress=progress)
         write_tables(results.tables, document)
-    show(document, out)
+    show(document, out, everything=everything)
 
 
 def _discover_recurring(
     cohort: Path, out: Path, chosen: DiscoverSettings, settings: Settings, *, report: bool, tables: str
 ) -> None:
     with running(out) as progress:
-        from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring
+        from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring, summarise
         from scaling_service.capabilities.shared.tables import make_table_writer
+        from scaling_service.documents.writing import REPORT
 
         write_tables = make_table_writer(tables, out)
         found = discover_recurring(cohort, out, chosen, settings, report=report, progress=progress)
         write_tables({"recurring": found.effects}, found.document)
     console, document = make_console(), found.document
-    console.print(str(found.effects), markup=False, highlight=False, soft_wrap=True)
+    summary = summarise(document)
     say(console, "Verdict", "bold", [f"{document.headline}."])
-    say(console, "Note", "yellow", document.notes)
-    say(console, "Note", "yellow", [f"{who} was not searched: {why}" for who, why in document.failed.items()])
-    list_files(console, out, [f"{FILE_NAME}, and a folder for each person"])
+    for k, line in enumerate(summary.why, 1):
+        console.print(f"{k}. {line}", markup=False, highlight=False, soft_wrap=True)
+    for table in summary.tables:
+        print_table(console, table)
+    say(console, "Note", "yellow", summary.cautions)
+    files = [FILE_NAME, *([REPORT] if report else []), *document.corrected]
+    list_files(console, out, [f"{', '.join(files)}, and a folder for each person"])
 
 
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:
@@ -117,27 +119,32 @@ def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     show(document, out)
 
 
-def show(document: DiscoveryDocument, out: Path) -> None:
-    """The table of effects, the gap, the verdict in a sentence, and what it leaves open."""
-    from scaling_service.capabilities.discovery import text
+def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) -> None:
+    """The verdict in a sentence and its first effects; ``everything``: all of them, the gap, what is left."""
+    from scaling_service.capabilities.discovery import words
     from scaling_service.capabilities.discovery.document import FILE_NAME
 
-    console = make_console()
-    print_subject(console, document, text.describe_model(document))
-    if document.effects:
-        print_table(console, text.tabulate_effects(document))
-    print_table(console, text.tabulate_gaps(document))
+    console, summary = make_console(), words.summarise(document)
+    print_subject(console, document, words.describe_model(document))
     say(console, "Verdict", "bold", [f"{document.headline}."])
-    shown = document.effects
-    say(console, "Sure", "green", text.list_beliefs(shown))
-    say(console, "Doubt", "yellow", text.list_cautions(shown))
-    say(console, "Class", "cyan", text.describe_classes(shown))
-    say(console, "Bones", "cyan", text.describe_bones(document))
-    if document.unexplained:
-        print_table(console, text.tabulate_unexplained(document, _MOST_LEFT))
+    for k, effect in enumerate(document.effects[: words.MOST_LINES], 1):
+        console.print(f"{k}. {effect.name}.", markup=False, highlight=False, soft_wrap=True)
+        if share := words.describe_share(effect):
+            bar = draw_bar(effect.evidence.gain_held_out or 0.0)
+            console.print(f"   {bar} {share}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"   {effect.advice}", markup=False, highlight=False, soft_wrap=True)
+    if (more := len(document.effects) - words.MOST_LINES) > 0 and not everything:
+        say(console, f"And {more} more", "bold", ["in discovery.json and report.html; --all lists them here"])
+    if everything:
+        for table in summary.tables:
+            print_table(console, table)
+        say(console, "Class", "cyan", words.describe_alike(document.effects))
+        say(console, "Bones", "cyan", words.describe_bones(document))
+    say(console, "Left", "yellow", words.describe_left(document))
+    say(console, "Doubt", "yellow", words.list_cautions(document.effects))
     say(console, "Note", "yellow", document.notes)
     list_files(console, out, [", ".join([*document.files, FILE_NAME])])
-    say(console, "Had been hidden", "bold", text.describe_hidden(document))
+    say(console, "Had been hidden", "bold", words.describe_hidden(document))
 
 
 COMMANDS = (discover,)

@@ -109,6 +109,7 @@ class EffectDocument(PlacedEffect):
     smallest_nameable: dict[str, Number] = Field(
         description="Parameter to the size from which it would be named nine times in ten."
     )
+    advice: str = Field(default="", description="What to do about it; empty in results of earlier versions.")
     confusable_with: list[PlacedEffect] = Field(
         description="What this recording does not tell from it; the answer is then the class."
     )

@@ -1,77 +1,80 @@
 """What recurs over persons: effects of the model that they share, and the generic model without them.
 
-Every person's recordings say something of every effect, the person's own part of it integrated out: score x
-and information X. What all share has the sums of both, so that a tendency that nobody shows beyond what is
-ordinary is told where many show it.
+What persons say is pooled (:mod:`~scaling_service.capabilities.discovery.pooling`), the likeliest is named,
+then the likeliest beside it, and so on; nothing that makes what did not fit worse over all persons.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import time
-from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import Field
 
 from scaling_service.capabilities.cohort.members import read_members
-from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery import words
+from scaling_service.capabilities.discovery.document import QuantityDocument
+from scaling_service.capabilities.discovery.evidence.fit import (
+    Fit,
+    SearchContext,
+)
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
-from scaling_service.capabilities.discovery.models import apply_everywhere
-from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.capabilities.discovery.ordinary.odds import Scored
+from scaling_service.capabilities.discovery.pooling import FEWEST, GAPS, Pooled, Shared, list_shared, pool
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.run import USUAL, discover
 from scaling_service.capabilities.discovery.saving import save_discovery
-from scaling_service.capabilities.discovery.search.gaps import rms_by_place
-from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part, Rounded
-from scaling_service.documents.writing import code_version, write_json
+from scaling_service.documents.writing import REPORT, code_version, write_json
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
-from scaling_service.model.inertia import sum_mass
+from scaling_service.report.onefile import Report
+from scaling_service.report.summary import Summary
+from scaling_service.report.tables import Row, Table
 
 FILE_NAME = "recurring.json"
+MODEL = "generic_model"
 SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
 
-_FEWEST = 2  # persons
 _MOST = 5  # effects that are listed (chosen)
+Pair = tuple[Rounded, Rounded]
 
 
 class PersonEntry(Part):
-    """What one person says of an effect that recurs."""
+    """What one person says of an effect that recurs, and what it does to the person's recordings."""
 
     log_odds: Rounded = Field(description="Of the shared size against nothing, by this person alone.")
-    force_N: tuple[Rounded, Rounded] | None = Field(
-        description="RMS of what is left of the ground force, without and with it, on what did not fit."
+    markers_mm: Pair | None = Field(
+        default=None, description="RMS of what is left of what did not fit, without and with it; if named."
     )
-    moment_Nm: tuple[Rounded, Rounded] | None
-    markers_mm: tuple[Rounded, Rounded]
+    force_N: Pair | None = None
+    moment_Nm: Pair | None = None
 
 
 class RecurringEntry(Part):
     """An effect of the model that persons share."""
 
     kind: str
-    where: list[str]
+    where: list[str] = Field(description="Both where it is the same on both sides, the right first.")
     driver: list[str]
+    name: str = Field(description="What it is, in plain English.")
     log_odds: Rounded = Field(description="By all persons together, the number of its places counted.")
-    named: bool = Field(description="Whether that is enough to be named.")
-    parameters: dict[str, tuple[Rounded, Rounded]] = Field(
-        description="Size and standard deviation; of a segment's mass in shares of it (`share`)."
+    named: bool = Field(description="Whether that is enough, and what did not fit is not worse with it.")
+    parameters: dict[str, Pair] = Field(
+        description="Size and standard deviation, of both sides that of the right, which the left mirrors; "
+        "of a segment's mass in shares of it (`share`)."
     )
     persons: dict[str, PersonEntry]
 
@@ -92,11 +95,12 @@ class RecurringDocument(Part):
     wall_s: float = 0.0
     notes: list[str] = Field(default=[], description="What was passed over.")
     headline: str
-    model: str = Field(description="The generic model that all persons have.")
+    model: str = Field(description="The generic model that is corrected: the first person's.")
     subjects: list[str]
     failed: dict[str, str] = Field(description="Subject to why it could not be searched.")
-    effects: list[RecurringEntry]
-    corrected: str | None = Field(description="The generic model without what was named.")
+    effects: list[RecurringEntry] = Field(description="Those named as they were named, then the likeliest.")
+    persons: dict[str, PersonEntry] = Field(default={}, description="The same of all that is named together.")
+    corrected: list[str] = Field(default=[], description="Files of the generic model without what was named.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,28 +108,216 @@ class Recurring:
     """What recurs, and the generic model without it."""
 
     document: RecurringDocument
-    model: BodyModel | None
+    corrected: Fit | None  # the generic model with what was named, and no recordings
+
+    @property
+    def model(self) -> BodyModel | None:
+        """The generic model corrected; None where nothing was named."""
+        return None if self.corrected is None else correct_model(self.corrected)
 
     @property
     def effects(self) -> ResultTable:
         """A row for each effect."""
-        count = len(self.document.subjects)
         rows = tuple(
-            (
-                e.kind,
-                ", ".join(e.where),
-                round(e.log_odds, 1),
-                "yes" if e.named else f"no, below {USUAL.odds:g}",
-                f"{e.shown_by} of {count}",
-                _say_sizes(e),
-            )
+            (e.kind, ", ".join(e.where), name, value, sd, e.log_odds, e.named, e.shown_by)
             for e in self.document.effects
+            for name, (value, sd) in e.parameters.items()
         )
-        return ResultTable("What recurs", ("kind", "where", "log_odds", "named", "shown_by", "size"), rows)
+        columns = ("kind", "where", "parameter", "value", "sd", "log_odds", "named", "shown_by")
+        return ResultTable("What recurs", columns, rows)
 
 
-def _say_sizes(entry: RecurringEntry) -> str:
-    return ", ".join(f"{name} {value:.3g} ± {sd:.2g}" for name, (value, sd) in entry.parameters.items())
+Left = Mapping[str, Mapping[str, float]]
+"""Person to what is left of which kind."""
+
+
+def find_recurring(
+    found: Mapping[str, DiscoverResults], failed: Mapping[str, str] | None = None
+) -> Recurring:
+    """What persons share whose generic models have joints in common.
+
+    Raises
+    ------
+    InputError
+        Fewer than two persons, or models with nothing in common.
+    """
+    if len(found) < FEWEST:
+        lacking = "".join(f"; {who}: {why}" for who, why in (failed or {}).items())
+        raise InputError(
+            f"what recurs needs {FEWEST} persons that can be searched, and there are {len(found)}{lacking}",
+            remedy="Give more subject files",
+        )
+    shared = list_shared(list(found.values()))
+    if not shared:
+        raise InputError(
+            "the models of these persons have no joint or segment in common that recordings show",
+            field="model",
+            remedy="Search persons with models of one family together",
+        )
+    pooled = Pooled(shared, {name: pool(results, shared) for name, results in found.items()})
+    named, refused, entries = list[int](), set[int](), list[RecurringEntry]()
+    left: list[Left] = [{name: pooled.refit(results, []) for name, results in found.items()}]
+    while True:
+        odds = pooled.list_odds(named)
+        best = max((k for k in odds if k not in refused), key=lambda k: odds[k], default=None)
+        if best is None or odds[best] < USUAL.odds:
+            break
+        after = {name: pooled.refit(results, [*named, best]) for name, results in found.items()}
+        if _is_worse(left[-1], after):
+            refused.add(best)
+            continue
+        entries.append(_describe(pooled, named, best, odds[best], (left[-1], after)))
+        named.append(best)
+        left.append(after)
+    together = pooled.split(named)
+    entries = [
+        e.model_copy(update=_say_numbers(*numbers)) for e, numbers in zip(entries, together, strict=True)
+    ]
+    for k in sorted(odds, key=lambda k: -odds[k])[: max(_MOST - len(named), 0)]:
+        entries.append(_describe(pooled, named, k, odds[k]))
+    first = next(iter(found.values()))
+    generic, candidates = first.prepared.loaded.session.model, first.leanings.candidates
+    effects = [
+        replace(effect, candidate=_place_in(generic, effect.candidate))
+        for one, size, _ in together
+        for effect in one.place(candidates, generic, size)
+    ]
+    document = RecurringDocument(
+        headline=_write_headline(entries, len(found)),
+        model=generic.name,
+        subjects=list(found),
+        failed=dict(failed or {}),
+        effects=entries,
+        persons=_compare(pooled, named, [], left[0], left[-1]) if named else {},
+    )
+    context = SearchContext(model=generic, recordings=(), settings=first.search)
+    return Recurring(document, Fit(context=context, effects=tuple(effects)) if effects else None)
+
+
+def _is_worse(before: Left, after: Left) -> bool:
+    """Whether markers, forces or moments of what did not fit are worse over all persons."""
+    squares = [
+        {name: sum(one.get(name, 0.0) ** 2 for one in some.values()) for name in GAPS}
+        for some in (before, after)
+    ]
+    return any(squares[1][name] > (1.0 + USUAL.worse) ** 2 * squares[0][name] for name in GAPS)
+
+
+def _compare(
+    pooled: Pooled, chosen: Sequence[int], without: Sequence[int], before: Left, after: Left
+) -> dict[str, PersonEntry]:
+    """What some effects are to every person, against fewer."""
+    return {
+        who: PersonEntry(
+            log_odds=pooled.ask(who, chosen, without),
+            **{name: (value, after[who][name]) for name, value in before.get(who, {}).items()},
+        )
+        for who in pooled.said
+    }
+
+
+def _describe(
+    pooled: Pooled, named: Sequence[int], k: int, odds: float, left: tuple[Left, Left] = ({}, {})
+) -> RecurringEntry:
+    """One effect beside those named; ``left``: without and with it, if it is named."""
+    one, size, sd = pooled.split([*named, k])[-1]
+    return RecurringEntry(
+        kind=one.candidate.kind,
+        where=one.where,
+        driver=list(one.candidate.driver),
+        log_odds=odds,
+        named=bool(left[0]),
+        persons=_compare(pooled, [*named, k], named, *left),
+        **_say_numbers(one, size, sd),
+    )
+
+
+def _say_numbers(one: Shared, size: Array, sd: Array) -> dict[str, Any]:
+    """Name and parameters of an effect of some size."""
+    candidate, relative = one.candidate, one.candidate.kind == "segment_mass"
+    names = ["share"] if relative else [c.name for c in candidate.columns]
+    units = [1.0] if relative else [c.unit for c in candidate.columns]
+    pairs = zip(names, units, size.tolist(), sd.tolist(), strict=True)
+    numbers = {name: (unit * value, unit * spread) for name, unit, value, spread in pairs}
+    shown = {name: QuantityDocument(value=value, sd=spread) for name, (value, spread) in numbers.items()}
+    said = words.describe_effect(candidate.kind, one.where, candidate.driver, (), shown, spread=True)
+    return {"parameters": numbers, "name": f"{said} (right; left mirrored)" if len(one.sides) > 1 else said}
+
+
+def _place_in(model: BodyModel, candidate: Candidate) -> Candidate:
+    """An effect of a person's masses as one of another model's."""
+    if candidate.kind not in ("segment_mass", "segment_com"):
+        return candidate
+    segment = model.segment(candidate.where[0])
+    if candidate.kind == "segment_mass":
+        loads = [scale_segment(segment)]
+    else:
+        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
+    pairs = zip(candidate.columns, loads, strict=True)
+    return replace(candidate, columns=tuple(replace(column, load=load) for column, load in pairs))
+
+
+def _write_headline(entries: Sequence[RecurringEntry], count: int) -> str:
+    named = [e for e in entries if e.named]
+    if not named:
+        nearest = f"; nearest to it: {entries[0].name}" if entries else ""
+        return f"Nothing recurs in {count} persons beyond what is ordinary for models{nearest}"
+    recur = "One effect recurs" if len(named) == 1 else f"{len(named)} effects recur"
+    return f"{recur} in {count} persons. First: {named[0].name}; {named[0].shown_by} of {count} show it"
+
+
+def summarise(document: RecurringDocument) -> Summary:
+    """What recurs in a line each, what it does to each person's recordings that did not fit, what is near."""
+    count = len(document.subjects)
+    named = [e for e in document.effects if e.named]
+    why = [
+        f"{e.name}. {e.shown_by} of {count} persons show it (log odds {e.log_odds:.1f})"
+        for e in named[: words.MOST_LINES]
+    ]
+    if document.corrected:
+        why.append(f"The generic model without it: {', '.join(document.corrected)}.")
+    labels = {field: f"{name}, {unit}" for field, name, unit in words.LEVELS if field in GAPS}
+    rows = [
+        Row(who, [_show_pair(getattr(entry, field)) for field in labels] + [f"{entry.log_odds:+.1f}"])
+        for who, entry in document.persons.items()
+    ]
+    told = [
+        Row(e.name, ["yes" if e.named else "no", f"{e.log_odds:.1f}", f"{e.shown_by} of {count}"])
+        for e in document.effects
+    ]
+    tables = [
+        Table(
+            caption="What may recur",
+            note=f"Named from log odds of {USUAL.odds:g} on, unless what did not fit is worse with it.",
+            columns=["effect of the generic model", "named", "log odds", "persons who speak for it"],
+            rows=told,
+            words=True,
+        )
+    ]
+    if rows:
+        tables.insert(
+            0,
+            Table(
+                caption="What the corrected model does to recordings that did not fit: RMS before → after",
+                columns=["person", *labels.values(), "log likelihood"],
+                rows=rows,
+            ),
+        )
+    return Summary(
+        title=f"What recurs over {count} persons with {document.model}",
+        headline=document.headline,
+        tone="good" if not named else "fair",
+        why=why,
+        cautions=[
+            *document.notes,
+            *(f"{who} was not searched: {said}" for who, said in document.failed.items()),
+        ],
+        tables=tables,
+    )
+
+
+def _show_pair(pair: tuple[float, float] | None) -> str:
+    return "–" if pair is None else f"{words.format_figures(pair[0])} → {words.format_figures(pair[1])}"
 
 
 def discover_recurring(
@@ -144,21 +336,21 @@ def discover_recurring(
     cohort : path
         CSV file with a column ``subject``, or a folder of subject files.
     out : path
-        A folder for each person is made in it, beside ``recurring.json`` and ``generic_model.json``.
+        A folder for each person is made in it, beside ``recurring.json`` and ``generic_model.*``.
     chosen, settings
         As for :func:`scaling_service.discover`.
 
     Raises
     ------
     InputError
-        There are fewer than two persons whose recordings can be searched with the same generic model.
+        There are fewer than two persons whose recordings can be searched, or their models have nothing in
+        common.
     """
-    clock = time.perf_counter()
-    report_to, folder = progress or show_nothing, Path(out)
+    clock, report_to, folder = time.perf_counter(), progress or show_nothing, Path(out)
     members, passed = read_members(Path(cohort))
-    if len(members) < _FEWEST:
+    if len(members) < FEWEST:
         raise InputError(
-            f"what recurs needs {_FEWEST} persons, and there is {len(members)}",
+            f"what recurs needs {FEWEST} persons, and there is {len(members)}",
             file=Path(cohort),
             remedy="Give more subject files, or search one person by naming its subject file",
         )
@@ -177,6 +369,18 @@ def discover_recurring(
         save_discovery(results, folder / name, report=report)
         found[name] = results
     recurring = find_recurring(found, failed)
+    files, notes = [], list(passed)
+    for stale in (f"{MODEL}.json", f"{MODEL}.osim", REPORT):
+        (folder / stale).unlink(missing_ok=True)
+    if recurring.corrected is not None and recurring.model is not None:
+        files.append(f"{MODEL}.json")
+        content = json.dumps(to_document(recurring.model), allow_nan=False)
+        (folder / files[0]).write_text(content, encoding="utf-8")
+        first = next(iter(found.values())).prepared
+        notes += write_corrected_osim(
+            folder / f"{MODEL}.osim", recurring.corrected, replace(first, calibration=None)
+        )
+        files += [f"{MODEL}.osim"] if (folder / f"{MODEL}.osim").is_file() else []
     document = recurring.document.model_copy(
         update={
             "code_version": code_version(),
@@ -184,173 +388,14 @@ def discover_recurring(
             "settings": {**chosen.model_dump(mode="json"), **settings.model_dump(mode="json")},
             "seed": settings.seed,
             "wall_s": round(time.perf_counter() - clock, 3),
-            "notes": list(passed),
+            "notes": notes,
+            "corrected": files,
         }
     )
-    recurring = replace(recurring, document=document)
-    if recurring.model is not None:
-        (folder / "generic_model.json").write_text(
-            json.dumps(to_document(recurring.model), allow_nan=False), encoding="utf-8"
+    write_json(folder / FILE_NAME, document)
+    if report:
+        page = Report(
+            kind="recurring", name=FILE_NAME, summary=summarise(document), document=document, beside=files
         )
-    write_json(folder / FILE_NAME, recurring.document)
-    return recurring
-
-
-def find_recurring(
-    found: Mapping[str, DiscoverResults], failed: Mapping[str, str] | None = None
-) -> Recurring:
-    """What persons share that were searched with the same generic model.
-
-    Raises
-    ------
-    InputError
-        Fewer than two persons, or different generic models.
-    """
-    failed = failed or {}
-    models = {name: results.prepared.loaded.session.model for name, results in found.items()}
-    if len(found) < _FEWEST:
-        lacking = "".join(f"; {who}: {why}" for who, why in failed.items())
-        raise InputError(
-            f"what recurs needs {_FEWEST} persons that can be searched, and there are {len(found)}{lacking}",
-            remedy="Give more subject files",
-        )
-    if len({tuple(s.joint_name for s in m.segments) for m in models.values()}) > 1:
-        raise InputError(
-            "these persons do not share a generic model",
-            field="model",
-            remedy="Search persons with the same model together",
-        )
-    by_effect: dict[tuple[object, ...], dict[str, Leaning]] = defaultdict(dict)
-    for name, results in found.items():
-        for leaning in results.leanings:
-            c = leaning.candidate
-            by_effect[(c.kind, c.where, c.driver, tuple(x.name for x in c.columns))][name] = _share(
-                leaning, results
-            )
-    shared = {key: each for key, each in by_effect.items() if len(each) == len(found)}
-    places = Counter(key[0] for key in shared)
-    ranked = sorted(
-        ((pool_leanings(list(each.values())), each) for each in shared.values()),
-        key=lambda one: math.log(places[_kind(one[1])]) - one[0].bayes,
-    )
-    entries, named = [], []
-    generic = next(iter(models.values()))
-    for scored, each in ranked[:_MOST]:
-        odds = scored.bayes - math.log(places[_kind(each)])
-        entries.append(_describe(odds, scored, each, found))
-        if odds >= USUAL.odds:
-            first = next(iter(each.values())).candidate
-            named.append(Estimate(_place_in(generic, first), _own_size(first, scored.size, generic)))
-    heavy = [e for e in named if all(c.load is None for c in e.candidate.columns) or sum_mass(generic) > 0.0]
-    corrected = apply_everywhere(generic, heavy) if heavy else None
-    document = RecurringDocument(
-        headline=_write_headline(entries, len(found)),
-        model=generic.name,
-        subjects=list(found),
-        failed=dict(failed),
-        effects=entries,
-        corrected="generic_model.json" if corrected is not None else None,
-    )
-    return Recurring(document, corrected)
-
-
-def _kind(each: Mapping[str, Leaning]) -> str:
-    return next(iter(each.values())).candidate.kind
-
-
-def _share(leaning: Leaning, results: DiscoverResults) -> Leaning:
-    """A segment's mass in shares of it, for persons differ."""
-    if leaning.candidate.kind != "segment_mass":
-        return leaning
-    return leaning.rescale(results.before.model.segment(leaning.candidate.where[0]).mass)
-
-
-def _place_in(model: BodyModel, candidate: Candidate) -> Candidate:
-    """An effect of a person's masses as one of another model's."""
-    if candidate.kind not in ("segment_mass", "segment_com"):
-        return candidate
-    segment = model.segment(candidate.where[0])
-    if candidate.kind == "segment_mass":
-        loads = [scale_segment(segment)]
-    else:
-        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
-    pairs = zip(candidate.columns, loads, strict=True)
-    return replace(candidate, columns=tuple(replace(column, load=load) for column, load in pairs))
-
-
-def _own_size(candidate: Candidate, size: Array, model: BodyModel) -> Array:
-    """A shared size as a person's, SI."""
-    return size * model.segment(candidate.where[0]).mass if candidate.kind == "segment_mass" else size
-
-
-def pool_leanings(leanings: Sequence[Leaning]) -> Scored:
-    """What persons say together of numbers that all share."""
-    x, X = (np.sum([getattr(one, what) for one in leanings], axis=0) for what in ("score", "information"))
-    return Scored.of(x, X, leanings[0].sd)
-
-
-def _describe(
-    odds: float, scored: Scored, each: Mapping[str, Leaning], found: Mapping[str, DiscoverResults]
-) -> RecurringEntry:
-    first = next(iter(each.values())).candidate
-    sd = np.sqrt(np.diag(scored.covariance))
-    persons = {name: _ask_person(leaning, scored.size, found[name]) for name, leaning in each.items()}
-    relative = first.kind == "segment_mass"
-    names = ["share"] if relative else [c.name for c in first.columns]
-    units = [1.0] if relative else [c.unit for c in first.columns]
-    return RecurringEntry(
-        kind=first.kind,
-        where=list(first.where),
-        driver=list(first.driver),
-        log_odds=odds,
-        named=odds >= USUAL.odds,
-        parameters={n: (u * b, u * s) for n, u, b, s in zip(names, units, scored.size, sd, strict=True)},
-        persons=persons,
-    )
-
-
-def _ask_person(leaning: Leaning, size: Array, results: DiscoverResults) -> PersonEntry:
-    """What the shared size does to one person's recordings."""
-    fit, candidate = results.after, leaning.candidate
-    effect = Estimate(candidate, _own_size(candidate, size, results.before.model))
-    kept = [e for e in fit.effects if e.candidate.key != candidate.key]
-    without = _refit(fit, kept, candidate)
-    with_it = _refit(fit, [*kept, effect], candidate)
-    roles = {item.name: item.role for item in fit.tracked}
-    unseen = [name for name, role in roles.items() if role == "held_out"] or list(roles)
-    rms = [
-        {k: v for forces in (False, True) for k, v in rms_by_place(f, unseen, forces=forces).items()}
-        for f in (without, with_it)
-    ]
-
-    def together(places: Sequence[str], unit: float) -> tuple[float, float] | None:
-        shown = [p for p in places if p in rms[0] and p in rms[1]]
-        if not shown:
-            return None
-        a, b = (unit * math.sqrt(np.mean([r[p] ** 2 for p in shown])) for r in rms)
-        return a, b
-
-    markers = together([p for p in rms[0] if p not in COMPONENTS], 1e3)
-    assert markers is not None
-    return PersonEntry(
-        log_odds=leaning.weigh(size),
-        force_N=together(COMPONENTS[:3], 1.0),
-        moment_Nm=together(COMPONENTS[3:], 1.0),
-        markers_mm=markers,
-    )
-
-
-def _refit(fit: Fit, effects: Sequence[Estimate], candidate: Candidate) -> Fit:
-    if candidate.seen_in == "wrench":
-        return fit_wrenches(replace(fit, effects=tuple(effects)))
-    return fit_recordings(fit.context, effects, fit)
-
-
-def _write_headline(entries: Sequence[RecurringEntry], count: int) -> str:
-    named = [e for e in entries if e.named]
-    if not named:
-        return f"Nothing recurs in {count} persons beyond what is ordinary for models"
-    first = named[0]
-    more = f", and {len(named) - 1} more" if len(named) > 1 else ""
-    what = f"{first.kind.replace('_', ' ')} at {', '.join(first.where)}"
-    return f"{what} recurs: {first.shown_by} of {count} persons show it ({_say_sizes(first)}){more}"
+        (folder / REPORT).write_text(page.html(), encoding="utf-8")
+    return replace(recurring, document=document)

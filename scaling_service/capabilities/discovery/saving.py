@@ -10,16 +10,21 @@ from pydantic import ValidationError
 
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws.apply import correct_forces, correct_trial
-from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, Exchange
-from scaling_service.capabilities.discovery.laws.loads import Late, PlateFault
-from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
+from scaling_service.capabilities.discovery.laws.apply import (
+    changes_forces,
+    changes_markers,
+    correct_forces,
+    correct_trial,
+)
+from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.models import correct_model, make_own_models, write_corrected_osim
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.report import make_report
+from scaling_service.capabilities.discovery.playing import write_discovery_scene
 from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
 from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.discovery.words import describe_hidden, summarise
 from scaling_service.capabilities.kinetics.forces import read_trial_forces, turn_forces
+from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.sto import Table, write_sto
@@ -27,6 +32,7 @@ from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 from scaling_service.model.forces import GroundForces
+from scaling_service.report.onefile import Report, collect_files
 
 FOLDER = "corrected"
 
@@ -42,7 +48,7 @@ def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ..
     One set in one system of axes, so that it can be used in place of the given one.
     """
     effects = fit.effects
-    if not any(_of_markers(effect) or _of_forces(effect) for effect in effects):
+    if not any(changes_markers(e.candidate) or changes_forces(e.candidate) for e in effects):
         return ()
     place = folder / FOLDER
     place.mkdir()
@@ -63,15 +69,6 @@ def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ..
             corrected = correct_forces(ground, ground.times, here)
             write_sto(place / f"{path.stem}_forces.mot", tabulate_forces(path.stem, corrected))
     return (_NOTE,)
-
-
-def _of_markers(effect: Estimate) -> bool:
-    scaled = any(isinstance(p.spot, VolumeSpot) for c in effect.candidate.columns for p in c.parts)
-    return scaled or isinstance(effect.candidate.change, Exchange)
-
-
-def _of_forces(effect: Estimate) -> bool:
-    return any(isinstance(column.load, Late | PlateFault) for column in effect.candidate.columns)
 
 
 def tabulate_forces(name: str, ground: GroundForces) -> Table:
@@ -163,7 +160,18 @@ def save_discovery(
         write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)
-            (scratch / REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
+            (scratch / REPORT).write_text(
+                Report(
+                    kind="discovery",
+                    name=FILE_NAME,
+                    summary=summarise(document),
+                    document=document,
+                    files=collect_files(lambda folder: write_discovery_scene(results, folder, INSIDE)),
+                    beside=document.files,
+                    vocabulary={"hidden_in_example": describe_hidden(document)},
+                ).html(),
+                encoding="utf-8",
+            )
     for path in before - {Path(folder) / name for name in document.files}:
         path.unlink(missing_ok=True)
     say("done", 1.0)

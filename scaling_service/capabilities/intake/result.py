@@ -17,7 +17,7 @@ class CorrectionEntry(base.Part):
     """A correction that the subject's document may hold under ``corrections``."""
 
     file: str = Field(description="The recording.")
-    labels: dict[str, str] = Field(description="A label as it stands in the file, to the right one.")
+    labels: dict[str, str | None] = Field(description="A label as it stands in the file, to the right one.")
     from_s: float
     to_s: float
 
@@ -30,7 +30,9 @@ class ProblemEntry(base.Part):
     field: str | None = None
     problem: str
     remedy: str | None = None
-    corrections: list[CorrectionEntry] = Field(default=[], description="Any one of these solves it.")
+    corrections: list[CorrectionEntry] = Field(
+        default=[], description="Each can be taken; of exchanges any one solves it."
+    )
 
 
 class AxesEntry(base.Part):

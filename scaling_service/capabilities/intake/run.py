@@ -212,7 +212,7 @@ class _Look:
         self.problems += [*self._missing(), *self._folders()]
 
     def _correct_labels(self, item: intake_files.RecordingFile) -> intake_files.RecordingFile:
-        """A recording with the labels exchanged that the document says are."""
+        """A recording with the labels put right that the document says are wrong."""
         try:
             wanted = pydantic.TypeAdapter(list[subjects.Correction]).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
@@ -220,7 +220,8 @@ class _Look:
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item
-            trial = person.mend(item.trial, reading.list_relabellings(wanted), mirrored)
+            whole = item.trial.take_unlabelled({label for one in wanted for label in one.labels})
+            trial = person.mend(whole, reading.list_relabellings(wanted), mirrored)
             axes = intake_files.decide_axes(trial, self.settings.up, self.settings.forward)
             return replace(item, trial=trial, axes=axes)
         except errors.InputError as error:

@@ -13,10 +13,11 @@ from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial, is_unlabelled
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import Exchange
 from scaling_service.recording.findings import Finding
 from scaling_service.recording.identity.identify import MOST_LABELS
-from scaling_service.recording.plausibility import find_unlabelled
+from scaling_service.recording.plausibility import Unlabelled, find_unlabelled
 
 Roles = abc.Mapping[str, tuple[str, str]]
 
@@ -89,9 +90,22 @@ def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[docume
             count = "a trajectory has" if len(found) == 1 else f"{len(found)} trajectories have"
             yield _make_warning(
                 f"{count} no label: {names}{f'; {list_few(filling)}' if filling else ''}",
-                "Label them in the recording where they fill gaps; else nothing is to be done",
+                "Label them where they fill gaps; else nothing is to be done",
                 file=item.file,
+                corrections=[_fill(item, n) for n in found if n.fills is not None],
             )
+
+
+def _fill(item: RecordingFile, found: Unlabelled) -> documents.CorrectionEntry:
+    """The trajectory that nobody labelled, as the marker whose gaps it fills."""
+    trial = item.trial.with_unlabelled()
+    seen = trial.times[find_seen(trial.position(found.label))]
+    return documents.CorrectionEntry(
+        file=item.file,
+        labels={found.label: found.fills},
+        from_s=round(float(seen[0]), 4),
+        to_s=round(float(seen[-1]), 4),
+    )
 
 
 def tell_findings(
@@ -128,7 +142,9 @@ def _make_correction(file: str, wrong: Exchange, trial: Trial) -> documents.Corr
         own.setdefault(find_canonical(label) or label, label)
     if any(label not in own for label in wrong.labels):
         return None
-    labels = {own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)}
+    labels: dict[str, str | None] = {
+        own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)
+    }
     return documents.CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
     )

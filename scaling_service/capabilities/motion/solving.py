@@ -23,7 +23,7 @@ def solve_from(
     rows: slice | NDArray[np.intp],
     start: Array,
     progress: Callable[[int], None] | None = None,
-    settings: sweep.SweepSettings = sweep.DEFAULT,
+    settings: sweep.SweepSettings = sweep.SweepSettings(),
     prior: tuple[Array, Array] | None = None,
 ) -> sweep.MotionSolution:
     """Some frames of a task from a start (n, n_coordinates), each to the minimum nearest to it.

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from scaling_service.capabilities.motion import clinical_angles, saving
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents import results
@@ -208,10 +208,10 @@ def compute_clinical_gait(
     if not cycles:
         cycles = _cut_cycles(recordings, [trial for trial in followed if trial.name in fitted])
     why = ""
-    if not cycles:
-        reasons = [find_gait_cycles(trial, side).reason for trial in followed for side in frames.SIDES]
-        said = [reason for reason in reasons if reason]
-        why = (said or ["no whole stride is followed" if followed else "no movement was recorded"])[0]
+    if not cycles and followed:
+        why = explain_no_cycles(followed) or "no whole stride is followed"
+    elif not cycles:
+        why = "no movement was recorded"
     return ClinicalGait(recordings, cycles, of_held_out, why)
 
 

@@ -31,7 +31,7 @@ def export_models(folder: Path, model: BodyModel, osim: str | None, forms: Seque
     ``forms``: keys of ``files.engines.ENGINES``.
     """
     muscles, said = None, list[str]()
-    if osim is not None and "mjcf" in forms:
+    if osim is not None:
         try:
             poses = np.concatenate(list(sweep_coordinates(model, _STEPS).values()))
             found = read_musculature(osim, model, poses)

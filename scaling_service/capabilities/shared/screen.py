@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _WIDTH = 150  # columns where the output is no terminal (chosen: six methods and the truth fit)
 
+_BLOCKS = 20  # of a bar (chosen: a twentieth is seen)
+
 
 @contextmanager
 def progress_bar() -> abc.Iterator[Report]:
@@ -106,6 +108,18 @@ def say(console: Console, word: str, style: str, lines: abc.Iterable[str]) -> No
     """Lines that begin with a word that says what they are."""
     for line in lines:
         console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
+
+
+def draw_bar(share: float) -> str:
+    """A share of one as a bar of twenty blocks.
+
+    Examples
+    --------
+    >>> draw_bar(0.24)
+    '█████░░░░░░░░░░░░░░░'
+    """
+    full = round(_BLOCKS * min(max(share, 0.0), 1.0))
+    return "█" * full + "░" * (_BLOCKS - full)
 
 
 def describe_understood(document: Provenance) -> abc.Iterator[str]:

@@ -28,7 +28,7 @@ def gather_images(
     """
     if not subject.bones:
         return None, ()
-    if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
+    if not takes_bones(subject):
         return None, (_BONES_UNUSED,)
     imaged = images.read_bones(subject.bones, subject.bone_units)
     try:
@@ -67,3 +67,8 @@ def gather_images(
             for point, why in bone.refused.items()
         )
     return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
+
+
+def takes_bones(subject: Subject) -> bool:
+    """Whether bones can be used with the subject's model."""
+    return subject.model in BUILTIN_NAMES or subject.model.lower().endswith(".osim")

@@ -326,9 +326,9 @@ def read_recordings(
             read[path] = select_person(found, subject.marker_map)
     for path, one in zip(read, choose_repeated(list(read.values())), strict=True):
         with reading.blame_file(path, [path]):
-            read[path] = person.mend(
-                one, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
-            )
+            wrong = subject.corrections.get(path.name, ())
+            whole = one.take_unlabelled({label for item in wrong for label in item.labels})
+            read[path] = person.mend(whole, wrong, subject.mirrored.get(path.name))
     return read
 
 

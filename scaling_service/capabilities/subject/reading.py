@@ -98,7 +98,7 @@ def make_subject(
 
 
 def list_relabellings(corrections: abc.Iterable[subjects.Correction]) -> tuple[model_trial.Relabelling, ...]:
-    """What a document wants exchanged in one recording."""
+    """What a document says of wrong labels in one recording."""
     return tuple(model_trial.Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
 
 

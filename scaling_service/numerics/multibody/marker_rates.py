@@ -70,7 +70,18 @@ def form_normal_equations(
     Returns ``gradient``: (n, 3, m).
     ``curvature``: (n, 3, 3, m, m).
     """
-    moments, pulls = _sum_on_links(tree, rows, gap, weights, mechanism.n_links)
+    # Moments (n, n_links, 18, 18) and pulls (n, n_links, 18) of the markers on each link
+    n = len(rows)
+    heavy = np.repeat(np.moveaxis(weights, 0, -1), 3, axis=-1)  # (n, n_markers, 9)
+    gaps = np.moveaxis(gap, 0, 2).reshape(n, -1, 9)
+    moments, pulls = np.zeros((n, mechanism.n_links, 18, 18)), np.zeros((n, mechanism.n_links, 18))
+    for k, markers in enumerate(tree.marker_rows):
+        if len(markers):
+            some = rows[:, markers].reshape(n, -1, 18)
+            weighed = some * heavy[:, markers].reshape(n, -1, 1)
+            turned = np.swapaxes(weighed, 1, 2)
+            moments[:, k] = turned @ some
+            pulls[:, k] = (turned @ gaps[:, markers].reshape(n, -1, 1))[..., 0]
     below = mechanism.carriers[screws.entries]
     composite = np.einsum("ek,nkcd->necd", below, moments, optimize=True)
     pull = np.einsum("ek,nkc->nec", below, pulls, optimize=True)
@@ -94,22 +105,6 @@ def form_normal_equations(
             if not twins[row]:
                 curvature[:, b, :, a, :] += np.swapaxes(product[:, row], 1, 2)
     return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))
-
-
-def _sum_on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int) -> tuple[Array, Array]:
-    """Moments (n, n_links, 18, 18) and pulls (n, n_links, 18) of the markers on each link."""
-    n = len(rows)
-    heavy = np.repeat(np.moveaxis(weights, 0, -1), 3, axis=-1)  # (n, n_markers, 9)
-    gaps = np.moveaxis(gap, 0, 2).reshape(n, -1, 9)
-    moments, pulls = np.zeros((n, n_links, 18, 18)), np.zeros((n, n_links, 18))
-    for k, markers in enumerate(tree.marker_rows):
-        if len(markers):
-            some = rows[:, markers].reshape(n, -1, 18)
-            weighed = some * heavy[:, markers].reshape(n, -1, 1)
-            turned = np.swapaxes(weighed, 1, 2)
-            moments[:, k] = turned @ some
-            pulls[:, k] = (turned @ gaps[:, markers].reshape(n, -1, 1))[..., 0]
-    return moments, pulls
 
 
 def list_twist_rows(moved: Array) -> Array:

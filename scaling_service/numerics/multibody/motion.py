@@ -18,11 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody import plan
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    follow_slopes,
-)
+from scaling_service.numerics.multibody import laws, plan
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross, pose_links
 
 TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -224,11 +220,11 @@ def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> 
     """First, and second, rates of every entry's slope along a motion, (count, n_entries, n)."""
     tree, result = mechanism.tree, np.zeros((count, len(mechanism.entries), motion.n))
     pace = motion.qddot if count > 1 else None
-    found = follow_slopes(tree.factors, tree.shape_groups, motion.q, motion.qdot, pace)
+    found = laws.follow_slopes(tree.factors, tree.shape_groups, motion.q, motion.qdot, pace)
     for row, entry in enumerate(mechanism.entries):
         rates = found[entry.term.factor]
         if rates is not None:
-            scale = p[entry.term.parameter] if entry.term.parameter != NONE else 1.0
+            scale = p[entry.term.parameter] if entry.term.parameter != laws.NONE else 1.0
             result[:, row] = scale * np.array(rates[entry.number])
     return result
 

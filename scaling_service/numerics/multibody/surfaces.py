@@ -7,9 +7,8 @@ Walther 2008, Evaluating Derivatives, ch. 13).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import factorial
 
 import numpy as np
@@ -129,13 +128,6 @@ def _reach_along_arc(x: Sequence[_Series], offsets: Sequence[float], axis: int) 
     return aside * (sin_b * -1.0 if axis == 0 else sin_a * cos_b)
 
 
-_KINDS: Mapping[str, Callable[[Sequence[_Series], Sequence[float]], _Series]] = {
-    "powers": _multiply_powers,
-    **{f"normal_{letter}": partial(_point_normal, axis=k) for k, letter in enumerate("xyz")},
-    **{f"arc_{letter}": partial(_reach_along_arc, axis=k) for k, letter in enumerate("xyz")},
-}
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
     """A smooth function of several coordinates, as ``model.body.Surface`` describes it."""
@@ -169,7 +161,11 @@ class Surface:
             _Series({(0,) * len(x): value, tuple(unit.tolist()): one}, order)
             for value, unit in zip(x, units, strict=True)
         ]
-        return _KINDS[self.kind](inputs, self.numbers)
+        if self.kind == "powers":
+            return _multiply_powers(inputs, self.numbers)
+        kind, _, letter = self.kind.partition("_")
+        follow = {"normal": _point_normal, "arc": _reach_along_arc}[kind]
+        return follow(inputs, self.numbers, "xyz".index(letter))
 
     def _read(self, series: _Series, x: Array, by: tuple[int, ...]) -> Array:
         """A partial derivative with the coordinates ``by``."""

@@ -62,9 +62,6 @@ class SweepSettings:
     close: bool = False  # Whether the start is near enough for second derivatives from the first step on
 
 
-DEFAULT = SweepSettings()
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionSolution:
     """Coordinates (n_frames, n_coordinates), weighted squared error per frame (m2), and how it ended."""
@@ -146,7 +143,7 @@ def solve_motion(
     free: NDArray[np.bool_] | None = None,
     bounds: tuple[Array, Array] | None = None,
     prior: tuple[Array, Array] | None = None,
-    settings: SweepSettings = DEFAULT,
+    settings: SweepSettings = SweepSettings(),
     progress: Callable[[int], None] | None = None,
 ) -> MotionSolution:
     """Coordinates that bring the model's markers nearest to the measured ones, frame by frame.

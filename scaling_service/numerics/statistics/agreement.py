@@ -170,10 +170,6 @@ def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -
     low = ratio / float(scipy.stats.f.ppf(upper, *free))
     high = ratio * float(scipy.stats.f.ppf(upper, *free[::-1]))
     consistent = Estimate(*(float((f - 1) / (f + k - 1)) for f in (ratio, low, high)))
-    return _compute_absolute(rows, columns, error, n, k, upper), consistent
-
-
-def _compute_absolute(rows: float, columns: float, error: float, n: int, k: int, upper: float) -> Estimate:
     value = (rows - error) / (rows + (k - 1) * error + k * (columns - error) / n)
     a = k * value / (n * (1 - value))
     b = 1 + k * value * (n - 1) / (n * (1 - value))
@@ -184,7 +180,7 @@ def _compute_absolute(rows: float, columns: float, error: float, n: int, k: int,
     below = float(scipy.stats.f.ppf(upper, free, n - 1))
     low = n * (rows - above * error) / (above * noise + n * rows)
     high = n * (below * rows - error) / (noise + n * below * rows)
-    return Estimate(value, low, high)
+    return Estimate(value, low, high), consistent
 
 
 def _compute_mean_squares(scores: Array) -> tuple[float, float, float]:

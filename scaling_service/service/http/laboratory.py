@@ -11,7 +11,7 @@ import fastapi
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
-from scaling_service.capabilities.discovery.text import describe_effect
+from scaling_service.capabilities.discovery.words import describe_effect
 from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents import service as contracts

@@ -76,6 +76,17 @@ def _with_freedom(model: BodyModel, free: FreeMotion, name: str) -> BodyModel:
     return replace(model, coordinates=(*model.coordinates, Coordinate(name=name, kind=free.kind)))
 
 
+def changes_markers(candidate: Candidate) -> bool:
+    """Whether an effect is a fault of the recorded markers."""
+    scaled = any(isinstance(part.spot, VolumeSpot) for column in candidate.columns for part in column.parts)
+    return scaled or isinstance(candidate.change, Exchange)
+
+
+def changes_forces(candidate: Candidate) -> bool:
+    """Whether an effect is a fault of the recorded forces."""
+    return any(isinstance(column.load, Late | PlateFault) for column in candidate.columns)
+
+
 def correct_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
     """The recording freed of the faults that are its own: its scale, exchanged labels."""
     markers = trial.markers
@@ -110,13 +121,13 @@ def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate], trial: 
 
 
 def _list_inertial_changes(effect: Estimate) -> list[tuple[str, Array]]:
-    """By segment; a carried load at a point adds the tensor that its mass and first moments make."""
+    """By segment; a carried load at a point has the tensor that its mass and first moments make."""
     found = [(load.segment, size * np.array(load.change)) for load, size in list_loads([effect], Inertial)]
     if effect.candidate.kind == "carried_load" and len(found) == _LOADED_COLUMNS and effect.size[0] > 0.0:
         mass, moment = float(effect.size[0]), effect.size[1:]
         tensor = ((moment @ moment) * np.eye(3) - np.outer(moment, moment)) / mass
         six = [tensor[i, j] for i, j in TENSOR]
-        found.append((found[0][0], np.concatenate([np.zeros(4), six])))
+        return [(found[0][0], np.concatenate([effect.size, six]))]
     return found
 
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from scaling_service.capabilities.discovery.document import UnexplainedDocument
 from scaling_service.capabilities.discovery.effects.catalogue import (
     describe_details,
     estimate_spreads,
@@ -29,9 +30,9 @@ from scaling_service.capabilities.discovery.observations.wrench import COMPONENT
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable, measure_noise
 from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
 from scaling_service.capabilities.discovery.search.findings import (
+    UNITS,
     Findings,
     NamedEffect,
-    Unexplained,
     Verdict,
     classify_place,
 )
@@ -45,7 +46,7 @@ from scaling_service.capabilities.discovery.search.gaps import (
     measure_gap,
     rms_by_place,
 )
-from scaling_service.capabilities.discovery.search.leanings import Leaning
+from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import (
     SCALED_HERE,
@@ -71,7 +72,7 @@ class Discovery:
     findings: Findings
     before: Fit
     after: Fit
-    leanings: Sequence[Leaning] = ()
+    leanings: Leanings = field(default_factory=Leanings)
 
 
 def discover(
@@ -109,7 +110,7 @@ def discover(
     steps.begin("measuring the gap", FORCES, 1.0)
     findings = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
-    return Discovery(findings, before, search.fit, search.list_leanings())
+    return Discovery(findings, before, search.fit, search.join_leanings(body))
 
 
 def _summarise(
@@ -170,7 +171,7 @@ def _finish(one: Named, search: Search) -> NamedEffect:
 
 def _list_unexplained(
     search: Search, body: BodyTable, forces: tuple[WrenchTable, ForceEvidence] | None, yardstick: Yardstick
-) -> tuple[Unexplained, ...]:
+) -> tuple[UnexplainedDocument, ...]:
     """Places that are livelier than others of the person, and those of what has the odds but no name."""
     limit, fit = search.settings.unexplained, search.fit
     names = [item.name for item in fit.tracked]
@@ -192,22 +193,28 @@ def _list_unexplained(
                 floors[component] /= level
                 found.append((math.log(level), (component,), component, ""))
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
-    for one in search.list_standing():
-        c = one.candidate
-        if not told & set(c.where):
-            told |= set(c.where)
-            every = COMPONENTS if c.seen_in == "wrench" else list_shown(c.where, fit)
+    standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
+    standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
+    for c, where, reason in standing:
+        if not told & set(where):
+            told |= set(where)
+            every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
             shown = [p for p in every if p in rms or p in of_forces]
             if shown:
                 most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
-                found.append((0.0, c.where, most, _REFUSED.format(c.kind.replace("_", " "))))
-    return tuple(
-        Unexplained(
-            where=where,
-            observable=classify_place(place),
-            law=law or describe_course(fit, place) or "it follows no coordinate",
-            rms={**rms, **of_forces}.get(place, 0.0),
-            floor=floors[place],
+                found.append((0.0, where, most, reason.format(c.kind.replace("_", " "))))
+    made = []
+    for _, where, place, law in sorted(found, reverse=True):
+        observable = classify_place(place)
+        unit, factor = UNITS[observable]
+        made.append(
+            UnexplainedDocument(
+                where=list(where),
+                observable=observable,
+                unit=unit,
+                law=law or describe_course(fit, place) or "it follows no coordinate",
+                rms=factor * {**rms, **of_forces}.get(place, 0.0),
+                floor=factor * floors[place],
+            )
         )
-        for _, where, place, law in sorted(found, reverse=True)
-    )
+    return tuple(made)

@@ -7,12 +7,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from scaling_service.capabilities.discovery.document import (
+    DisagreementDocument,
+    GapDocument,
+    UnexplainedDocument,
+    Unit,
+)
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.core.arrays import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
+UNITS: Mapping[Observable, tuple[Unit, float]] = {
+    "marker": ("mm", 1e3),
+    "force": ("N", 1.0),
+    "moment": ("N m", 1.0),
+}
+"""What results are in, and how many of it make one of SI."""
 
 
 def classify_place(place: str) -> Observable:
@@ -31,21 +43,6 @@ def turn_into_probability(odds: float) -> float:
     (0.5, 0.953)
     """
     return 1.0 / (1.0 + math.exp(-odds)) if odds > -500.0 else 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Disagreement:
-    """Where simulation and measurement differ, before anything was added."""
-
-    where: str  # a marker, or a component of the ground wrench (``fx`` …)
-    observable: Observable
-    rms: float  # rms, floor: SI (m, N, N m): the difference, and what is ordinary for people
-    floor: float
-    share: float  # of all that stands above the floors
-    p: float  # of standing so far above its floor where it is ordinary
-    trials: Mapping[str, float] = field(default_factory=dict)  # trial to its RMS (SI)
-    when: str = ""  # when it is largest, in words: a trial and a block of time
-    along: str = ""  # the coordinate that it follows best, if any, and how
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -83,38 +80,6 @@ class NamedEffect:
         return self.effect.candidate.key
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
-    """Before and after, beside what is ordinary and what is left where that takes what it can."""
-
-    before: float  # before, after, floor, ceiling: RMS, SI
-    after: float
-    floor: float
-    ceiling: float
-    low: float  # low, high: 95 % interval of ``after``, over blocks of time
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """The gap of the recordings of one role."""
-
-    # ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels
-    levels: Mapping[str, Level]
-    places: Mapping[str, Level]  # marker or component to its levels
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unexplained:
-    """What is left above what is ordinary and matches no effect."""
-
-    where: tuple[str, ...]
-    observable: Observable
-    law: str  # its simplest description, in words and numbers
-    rms: float  # SI, as the floor
-    floor: float
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Tried:
     """One of the likeliest that were not named."""
@@ -130,13 +95,13 @@ class Findings:
     """The whole story."""
 
     verdict: Verdict
-    disagreements: tuple[Disagreement, ...]  # the largest first
+    disagreements: tuple[DisagreementDocument, ...]  # the largest first
     named: tuple[NamedEffect, ...]
     # fit, held_out: ``held_out`` is the same as ``fit`` where no trial was held out; then ``folds`` is true
-    fit: Gap
-    held_out: Gap
+    fit: GapDocument
+    held_out: GapDocument
     folds: bool
     tried: tuple[Tried, ...]
-    unexplained: tuple[Unexplained, ...]
+    unexplained: tuple[UnexplainedDocument, ...]
     reason: str  # why the search stopped
     notes: tuple[str, ...]  # what could not be tried and why

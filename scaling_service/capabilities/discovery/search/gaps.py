@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
+from scaling_service.capabilities.discovery.document import (
+    DisagreementDocument,
+    GapDocument,
+    LevelDocument,
+    PlaceLevelDocument,
+)
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span, without_span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.sums import Look
-from scaling_service.capabilities.discovery.search.findings import Disagreement, Gap, Level, classify_place
+from scaling_service.capabilities.discovery.search.findings import UNITS, Observable, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.core.arrays import Array
 
@@ -23,11 +29,12 @@ _CORRELATED = (
 )
 _FEWEST = 5  # frames of a block that are told as a time
 
-_PARTS: Mapping[str, tuple[bool, slice]] = {
-    "markers": (False, slice(None)),
-    "force": (True, slice(0, 3)),
-    "moment": (True, slice(3, 6)),
+_PARTS: Mapping[Observable, tuple[str, slice]] = {
+    "marker": ("markers_mm", slice(None)),
+    "force": ("force_N", slice(0, 3)),
+    "moment": ("moment_Nm", slice(3, 6)),
 }
+"""Of a gap's fields: what it is of, and its places."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,44 +137,47 @@ class Yardstick:
         return np.array([rows[trial] for trial in trials])
 
 
-def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> Gap:
+def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> GapDocument:
     """Levels of all observables and places of the trials of a role."""
-    levels, places, whitened = {}, {}, []
-    for name, (forces, part) in _PARTS.items():
-        old, new = (_tally(fit, role, forces=forces) for fit in (before, after))
+    levels: dict[str, LevelDocument] = {}
+    places, whitened = {}, []
+    for observable, (name, part) in _PARTS.items():
+        old, new = (_tally(fit, role, forces=observable != "marker") for fit in (before, after))
         if old is None or new is None:
             continue
         floor = yardstick.floors(old.places, old.trials)
         left = yardstick.floors(old.places, old.trials, left=True)
-        levels[name] = _measure(old, new, floor, left, part)
-        numbers = range(len(old.places))[part]
-        for k in numbers:
-            places[old.places[k]] = _measure(old, new, floor, left, slice(k, k + 1))
+        unit, factor = UNITS[observable]
+        levels[name] = LevelDocument(**_measure(old, new, floor, left, part, factor))
+        for k in range(len(old.places))[part]:
+            level = _measure(old, new, floor, left, slice(k, k + 1), factor)
+            places[old.places[k]] = PlaceLevelDocument(**level, unit=unit)
         whitened.append((old, new, floor, left, part))
-    if whitened:
-        levels = {"whitened": _measure_whitened(whitened), **levels}
-    return Gap(levels, places)
+    return GapDocument(
+        whitened=_measure_whitened(whitened) if whitened else None,
+        markers_mm=levels.get("markers_mm"),
+        force_N=levels.get("force_N"),
+        moment_Nm=levels.get("moment_Nm"),
+        places=places,
+    )
 
 
-def _measure(old: _Tally, new: _Tally, floor: Array, left: Array, part: slice) -> Level:
-    """RMS of places together: a distance for markers, per component for wrenches."""
+def _measure(
+    old: _Tally, new: _Tally, floor: Array, left: Array, part: slice, factor: float
+) -> dict[str, float]:
+    """RMS of places together, times a factor: a distance for markers, per component for wrenches."""
     frames = old.frames[:, part]
 
     def average(values: Array) -> float:
         return float(np.sqrt(np.nansum(np.square(values[:, part]) * frames) / max(frames.sum(), 1.0)))
 
     low, high = _estimate_interval(new.square[:, part].sum(axis=1), new.frames[:, part].sum(axis=1))
-    return Level(
-        before=old.rms(part),
-        after=new.rms(part),
-        floor=average(floor),
-        ceiling=average(left),
-        low=low,
-        high=high,
-    )
+    found = {"before": old.rms(part), "after": new.rms(part), "floor": average(floor)}
+    found |= {"ceiling": average(left), "low": low, "high": high}
+    return {name: factor * value for name, value in found.items()}
 
 
-def _measure_whitened(parts: Sequence[tuple[_Tally, _Tally, Array, Array, slice]]) -> Level:
+def _measure_whitened(parts: Sequence[tuple[_Tally, _Tally, Array, Array, slice]]) -> LevelDocument:
     """All residuals divided by what is ordinary."""
     sums, after, frames = np.zeros(4), [], []
     for old, new, floor, left, part in parts:
@@ -183,7 +193,7 @@ def _measure_whitened(parts: Sequence[tuple[_Tally, _Tally, Array, Array, slice]
         frames.append(counted.sum(axis=1))
     low, high = _estimate_interval(np.concatenate(after), np.concatenate(frames))
     before, reached, ceiling = np.sqrt(sums[:3] / max(sums[3], 1.0)).tolist()
-    return Level(before=before, after=reached, floor=1.0, ceiling=ceiling, low=low, high=high)
+    return LevelDocument(before=before, after=reached, floor=1.0, ceiling=ceiling, low=low, high=high)
 
 
 def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
@@ -214,7 +224,7 @@ def list_shown(where: Sequence[str], fit: Fit) -> list[str]:
     return markers or [m.name for m in fit.model.markers]
 
 
-def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[Disagreement, ...]:
+def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocument, ...]:
     """All places, the largest share of what stands above the ordinary first."""
     found = []
     for forces in (False, True):
@@ -235,31 +245,36 @@ def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[Disagreement, ..
                         forces,
                     )
                 )
-    above = {d.where: max(d.rms**2 / max(d.floor, 1e-12) ** 2 - 1.0, 0.0) for d in found}
+    ratio = {d.where: d.rms / max(d.floor or 0.0, 1e-9) for d in found}
+    above = {place: max(times**2 - 1.0, 0.0) for place, times in ratio.items()}
     total = max(sum(above.values()), 1e-12)
-    made = [replace(d, share=above[d.where] / total) for d in found]
-    return tuple(sorted(made, key=lambda d: (-d.share, -d.rms / max(d.floor, 1e-12))))
+    found.sort(key=lambda d: (-above[d.where], -ratio[d.where]))
+    return tuple(DisagreementDocument(**dict(d) | {"share": above[d.where] / total}) for d in found)
 
 
-def _describe_place(tally: _Tally, k: int, place: str, floor: float, fit: Fit, forces: bool) -> Disagreement:
-    rms = tally.rms([k])
+def _describe_place(
+    tally: _Tally, k: int, place: str, floor: float, fit: Fit, forces: bool
+) -> DisagreementDocument:
+    observable, rms = classify_place(place), tally.rms([k])
+    unit, factor = UNITS[observable]
     per_trial = {}
     for trial in dict.fromkeys(tally.trials):
         rows = [n for n, t in enumerate(tally.trials) if t == trial]
         frames = tally.frames[rows, k].sum()
         if frames:
-            per_trial[trial] = float(np.sqrt(tally.square[rows, k].sum() / frames))
+            per_trial[trial] = factor * float(np.sqrt(tally.square[rows, k].sum() / frames))
     frames = tally.frames[:, k]
     mean = np.where(frames >= _FEWEST, tally.square[:, k] / np.maximum(frames, 1.0), 0.0)
     most = int(np.argmax(mean))
     # Independent numbers: a block of time is one look at a place along each axis
     freedom = float((frames > 0.0).sum()) * (1.0 if forces else 3.0)
     p = float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom))
-    return Disagreement(
+    return DisagreementDocument(
         where=place,
-        observable=classify_place(place),
-        rms=rms,
-        floor=floor,
+        observable=observable,
+        unit=unit,
+        rms=factor * rms,
+        floor=factor * floor,
         share=0.0,
         p=p,
         trials=per_trial,

@@ -1,10 +1,12 @@
-"""What a person's recordings say of an effect of the model, named or not, free of the prior."""
+"""What a person's recordings say of effects of the model, named or not, free of the prior."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.core.arrays import Array
@@ -12,37 +14,46 @@ from scaling_service.core.arrays import Array
 OF_MODELS = ("segment_mass", "segment_com", "joint_centre_offset", "joint_axis_tilt", "coupled_motion")
 """What a generic model brings to all persons alike; sizes and markers' places are each person's own."""
 
-
 _LEAST = 1e-12  # of the prior's variance that a posterior may leave
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Leaning:
-    """Score x (k,) and information X (k, k) of a candidate's numbers: log likelihood ``x'b - b'Xb/2``."""
+class Leanings:
+    """Log likelihood ``x'b - b'Xb/2`` of the numbers b of some candidates together, one after the other."""
 
-    candidate: Candidate
-    score: Array
-    information: Array
-    sd: Array  # (k,): prior deviations
+    candidates: tuple[Candidate, ...] = ()
+    score: Array = field(default_factory=lambda: np.zeros(0))  # (n,): x, SI
+    information: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (n, n): X
+    sd: Array = field(default_factory=lambda: np.zeros(0))  # (n,): prior deviations
 
     @classmethod
-    def of(cls, candidate: Candidate, size: Array, covariance: Array, sd: Array) -> Leaning:
-        """From a posterior about a prior of independent deviations about zero."""
+    def of(cls, candidate: Candidate, size: Array, covariance: Array, sd: Array) -> Leanings:
+        """Of one, from a posterior (k,), (k, k) about a prior of independent deviations about zero."""
         values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
         inverse = (vectors / np.maximum(values, _LEAST)) @ vectors.T / np.outer(sd, sd)
-        return cls(candidate, inverse @ size, np.asarray(inverse - np.diag(sd**-2.0)), sd)
+        return cls((candidate,), inverse @ size, np.asarray(inverse - np.diag(sd**-2.0)), sd)
 
-    def rescale(self, unit: float) -> Leaning:
-        """Of numbers in another unit: one of the new is ``unit`` of the old."""
-        return replace(
-            self, score=unit * self.score, information=unit**2 * self.information, sd=self.sd / unit
+    @classmethod
+    def join(cls, parts: Sequence[Leanings]) -> Leanings:
+        """Of several that say nothing of each other."""
+        if not parts:
+            return cls()
+        return cls(
+            tuple(c for part in parts for c in part.candidates),
+            np.concatenate([part.score for part in parts]),
+            np.asarray(scipy.linalg.block_diag(*(part.information for part in parts))),
+            np.concatenate([part.sd for part in parts]),
         )
 
-    def solve(self) -> tuple[Array, Array]:
-        """Size (k,) and covariance (k, k), about the prior."""
-        covariance = np.linalg.inv(self.information + np.diag(self.sd**-2.0))
-        return covariance @ self.score, np.asarray(covariance)
+    def rows(self) -> Iterator[tuple[Candidate, slice]]:
+        """Each candidate with where its numbers stand."""
+        at = 0
+        for candidate in self.candidates:
+            yield candidate, slice(at, at + len(candidate.columns))
+            at += len(candidate.columns)
 
-    def weigh(self, size: Array) -> float:
-        """Log likelihood of a size against nothing."""
-        return float(self.score @ size - 0.5 * size @ self.information @ size)
+    def each(self) -> Iterator[tuple[Candidate, Array, Array, Array]]:
+        """Each candidate with its size (k,), covariance (k, k) and prior (k,), were there only that one."""
+        for candidate, at in self.rows():
+            covariance = np.linalg.inv(self.information[at, at] + np.diag(self.sd[at] ** -2.0))
+            yield candidate, covariance @ self.score[at], np.asarray(covariance), self.sd[at]

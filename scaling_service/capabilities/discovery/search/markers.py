@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -30,6 +30,7 @@ from scaling_service.capabilities.discovery.ordinary.columns import Base, Combin
 from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
 from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
+from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.core.arrays import Array
 
 _WANDERING, _LASTING = 4, 4
@@ -156,14 +157,11 @@ class BodyTable:
         livelier: dict[str, float] = {}
         ranked = []
         for turn, (odds, k, one) in enumerate(found):
-            candidate, sd, combination = self.candidates[k]
-            told = odds, one
+            of_kind = places[self.candidates[k][0].kind]
             if turn < _AGAIN and odds > _WORTH:
-                anew = self.table.score_learning(combination, sd, candidate.trials)
-                told = anew.bayes - math.log(places[candidate.kind]), anew
-            at = self._list_places(candidate) if told[0] > self.fit.settings.odds else []
-            ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
-            ranked.append(Ranked(told[0] - ordinary, candidate, told[1]))
+                ranked.append(self.weigh(self.candidates[k], of_kind, livelier))
+            else:
+                ranked.append(Ranked(odds, self.candidates[k][0], one))
         scene = self.fit.scene
         of_course = (
             *find_free_motions(scene, self.base, self.left, self.levels),
@@ -171,6 +169,29 @@ class BodyTable:
         )
         ranked += [Ranked(odds, candidate) for odds, candidate in of_course]
         return sorted(ranked, key=lambda one: -one.odds)
+
+    def lean(self, keys: Collection[str]) -> Leanings:
+        """What all recordings say of some candidates together."""
+        chosen = [one for one in self.candidates if one[0].key in keys]
+        if not chosen:
+            return Leanings()
+        L = np.concatenate([combination.expand(len(self.base)) for *_, combination in chosen], axis=1)
+        sds = np.concatenate([sd for _, sd, _ in chosen])
+        return Leanings(tuple(c for c, *_ in chosen), *self.table.project(L), sds)
+
+    def weigh(
+        self, choice: tuple[Candidate, Array, Combination], places: int, livelier: dict[str, float]
+    ) -> Ranked:
+        """One candidate at one of so many places, levels learnt beside it, against a livelier place there.
+
+        ``livelier``: what is known of that already, by its place.
+        """
+        candidate, sd, combination = choice
+        anew = self.table.score_learning(combination, sd, candidate.trials)
+        odds = anew.bayes - math.log(places)
+        at = self._list_places(candidate) if odds > self.fit.settings.odds else []
+        ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
+        return Ranked(odds - ordinary, candidate, anew)
 
     @cached_property
     def left(self) -> list[tuple[White, Array]]:

@@ -30,8 +30,8 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.search.findings import Tried
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
-from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leaning
-from scaling_service.capabilities.discovery.search.markers import Ranked
+from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leanings
+from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import Steps
 
@@ -66,6 +66,15 @@ class Named:
     smallest: Mapping[str, float]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Withdrawn:
+    """What was named and is not what is there: its place, and why."""
+
+    ranked: Ranked
+    reason: str
+    where: tuple[str, ...]
+
+
 @dataclass(slots=True, eq=False, kw_only=True)
 class Naming:
     """What is assumed by now, and how something is named."""
@@ -75,9 +84,10 @@ class Naming:
     steps: Steps
     named: list[Named] = field(default_factory=list)
     refused: set[str] = field(default_factory=set)  # keys
+    withdrawn: dict[str, Withdrawn] = field(default_factory=dict)  # by their keys
     tried: dict[str, Tried] = field(default_factory=dict)
     covariances: dict[str, Array] = field(default_factory=dict)
-    leanings: dict[str, Leaning] = field(default_factory=dict)
+    leanings: dict[str, Leanings] = field(default_factory=dict)
     last: dict[Seen, list[Ranked]] = field(default_factory=dict)  # as they were ranked last
 
     @property
@@ -204,20 +214,33 @@ class Naming:
         for r in ranked:
             if r.scored is not None and r.candidate.kind in OF_MODELS and not r.candidate.trials:
                 s = r.scored
-                self.leanings[r.candidate.key] = Leaning.of(r.candidate, s.size, s.covariance, s.sd)
+                self.leanings[r.candidate.key] = Leanings.of(r.candidate, s.size, s.covariance, s.sd)
 
     def list_standing(self) -> list[Ranked]:
         """What has the odds and was refused: of a size that nobody meets, or worse on unseen recordings."""
         every = [r for ranked in self.last.values() for r in ranked]
-        return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in self.refused]
+        refused = self.refused - self.withdrawn.keys()
+        return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in refused]
 
-    def list_leanings(self) -> list[Leaning]:
-        """What the recordings say of every effect of the model, named or not."""
+    def _withdraw(self, one: Named, reason: str, where: tuple[str, ...] = ()) -> None:
+        """Take an effect out of what is named; recordings are not tracked anew."""
+        candidate = one.ranked.candidate
+        self.withdrawn[candidate.key] = Withdrawn(one.ranked, reason, where or candidate.where)
+        self._forget(candidate.key)
+
+    def _forget(self, key: str) -> None:
+        self.refused.add(key)
+        self.named = [n for n in self.named if n.ranked.candidate.key != key]
+
+    def join_leanings(self, body: BodyTable) -> Leanings:
+        """What the recordings say of every effect of the model, named or not; of the body's together."""
         for effect in self.fit.effects:
             key, sd = effect.candidate.key, list_usual_deviations(effect.candidate, self.fit.model)
             if key in self.leanings and sd is not None:
-                self.leanings[key] = Leaning.of(effect.candidate, effect.size, self.covariances[key], sd)
-        return list(self.leanings.values())
+                self.leanings[key] = Leanings.of(effect.candidate, effect.size, self.covariances[key], sd)
+        together = body.lean(self.leanings.keys() - {e.candidate.key for e in self.fit.effects})
+        known = {c.key for c in together.candidates}
+        return Leanings.join([together, *(one for key, one in self.leanings.items() if key not in known)])
 
 
 def is_of_forces(candidate: Candidate) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
@@ -140,8 +140,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
         )
         if gait.curves:
             return gait
-    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in frames.SIDES]
-    return Gait(reason=next(filter(None, reasons), "no whole stride is followed"))
+    return Gait(reason=explain_no_cycles(trials) or "no whole stride is followed")
 
 
 def _make_cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:

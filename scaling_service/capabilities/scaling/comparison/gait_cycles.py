@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.clinical_angles import Cycle
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.frames import Side
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
@@ -133,6 +134,19 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
         )
     said = "" if cycles else "no stride carries the pelvis as far as the foot goes against it"
     return GaitCycles(cycles, contacts, marker, said)
+
+
+def explain_no_cycles(trials: abc.Sequence[Trial]) -> str:
+    """Why each of these recordings has no stride, without a full stop; those of one reason together.
+
+    A recording in which one leg has strides says nothing.
+    """
+    why: dict[str, list[str]] = {}
+    for trial in trials:
+        found = [find_gait_cycles(trial, side) for side in SIDES]
+        if not any(one.cycles for one in found):
+            why.setdefault(next(one.reason for one in found), []).append(trial.name)
+    return "; ".join(f"{list_few(names)}: {reason}" for reason, names in why.items())
 
 
 class _NoWalking(Exception):

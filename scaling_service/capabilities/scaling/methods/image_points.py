@@ -10,7 +10,7 @@ import numpy as np
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy import frames
+from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
@@ -33,20 +33,26 @@ _ENDS = {"inter_hip": ("hip_r", "hip_l")} | {
 }
 
 
-def find_imaged_pelvis(evidence: ImageEvidence) -> frames.Frames | None:
-    """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
+def find_imaged_spines(evidence: ImageEvidence) -> tuple[dict[str, Array], bool]:
+    """The four spines in the image, (3,) m, and True; or the markers over them and False; or nothing."""
     skin = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
-    for points in (evidence.landmarks, skin):
+    for points, bony in ((evidence.landmarks, True), (skin, False)):
         if all(name in points for name in _PELVIS):
-            return frames.build_pelvis_frame(*(points[name] for name in _PELVIS))
-    return None
+            return {name: np.array(points[name]) for name in _PELVIS}, bony
+    return {}, False
+
+
+def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
+    """The pelvis frame of the spines, or of the markers over them, where all four are in the image."""
+    spines, _ = find_imaged_spines(evidence)
+    return build_pelvis_frame(*spines.values()) if spines else None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ImagedParts:
     """What of a model an image shows well enough to lay it there; ``thighs``, ``shanks``: sides."""
 
-    pelvis: frames.Frames | None  # frame of its spines, where a hip centre is known, too
+    pelvis: Frames | None  # frame of its spines, where a hip centre is known, too
     thighs: tuple[str, ...]
     shanks: tuple[str, ...]  # each below its thigh
 

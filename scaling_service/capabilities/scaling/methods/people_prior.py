@@ -27,7 +27,7 @@ from scaling_service.numerics.least_squares.whitening import GaussianPrior
 _UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
 _LIKE = 0.01  # chosen: relative SD between segments of one dimension, such as both bones of a forearm
 _SAME = 1e-3  # relative SD of a dimension's only segment about it: next to nothing
-_UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
+UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
 _MODEL_HIP_M = 0.008  # chosen: SD of a scaled model's hip, along each axis, where nothing marks the pelvis
 _STEP = 1e-3  # relative, and m: of differences; the regressions are linear
 
@@ -170,7 +170,7 @@ def expect_sizes(
         prior.add_values(list(known), mean, relative * np.outer(mean, mean))
     for name in wanted.keys() - known.keys():
         size = start.sizes.get(name.split(".")[1])
-        sd = _UNKNOWN_SIZE if size is None else max(size.sd, _LIKE)
+        sd = UNKNOWN_SIZE if size is None else max(size.sd, _LIKE)
         prior.add_values([name], np.ones(1), np.array([[sd**2]]))
 
 

@@ -306,14 +306,14 @@ export interface CoordinateWord {
 }
 
 export interface Correction {
-  labels: Record<string, string>;
+  labels: Record<string, string | null>;
   from_s: number;
   to_s: number;
 }
 
 export interface CorrectionEntry {
   file: string;
-  labels: Record<string, string>;
+  labels: Record<string, string | null>;
   from_s: number;
   to_s: number;
 }
@@ -466,6 +466,7 @@ export interface EffectDocument {
   carries: boolean;
   parameters: Record<string, QuantityDocument>;
   smallest_nameable: Record<string, number>;
+  advice: string;
   confusable_with: Array<PlacedEffect>;
   would_separate: string | null;
   evidence: EvidenceDocument;

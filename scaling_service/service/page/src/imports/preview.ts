@@ -51,6 +51,11 @@ export class Preview {
     }
   }
 
+  /** The time that is shown, s. */
+  get now(): number {
+    return this.recording.start_s + this.player.frame / this.recording.rate_hz;
+  }
+
   mark(label: string): void {
     this.theatre?.pick(label);
   }

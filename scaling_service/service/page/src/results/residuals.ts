@@ -23,7 +23,7 @@ const SIX = ["fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"] as const;
 
 const trialsOf = (document: DynamicsDocument): TrialDynamicsDocument[] => Object.values(document.trials);
 
-function gates(document: DynamicsDocument): HTMLElement {
+export function gates(document: DynamicsDocument): HTMLElement {
   const trials = trialsOf(document);
   const rows = (trials[0]?.gates ?? []).map((gate, k) => [
     cell(`${gate.source}: ${gate.name}, ${gate.unit}`),

@@ -11,7 +11,7 @@ import numpy as np
 from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
-from scaling_service.capabilities.scaling.methods.image_points import find_imaged_parts, find_lengths
+from scaling_service.capabilities.scaling.methods import image_points
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
@@ -150,12 +150,12 @@ def _find_imaged(model: body.BodyModel, images: ImageEvidence | None) -> frozens
     """Lengths that images show, and joint centres in segments that they show; each counts by itself."""
     if images is None:
         return frozenset()
-    parts = find_imaged_parts(model, images)
+    parts = image_points.find_imaged_parts(model, images)
     hips = [f"hip_{side}" for side in "rl" if parts.pelvis is not None and f"hip_{side}" in images.centres]
     knees, ankles = (
         [f"{joint}_{s}" for s in found] for joint, found in (("knee", parts.thighs), ("ankle", parts.shanks))
     )
-    return frozenset([*hips, *knees, *ankles, *find_lengths(images, model)])
+    return frozenset([*hips, *knees, *ankles, *image_points.find_lengths(images, model)])
 
 
 def _select_judged_trials(session: Session) -> list[str]:

@@ -14,10 +14,10 @@ from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.recording import plausibility
 from scaling_service.recording.exchanged import Exchange
 from scaling_service.recording.findings import Finding
 from scaling_service.recording.identity.identify import MOST_LABELS
-from scaling_service.recording.plausibility import Unlabelled, find_unlabelled
 
 Roles = abc.Mapping[str, tuple[str, str]]
 
@@ -83,7 +83,9 @@ def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[docume
                 file=item.file,
                 field="labels",
             )
-        found = sorted(find_unlabelled(item.trial.with_unlabelled()), key=lambda n: (-n.filled, -n.frames))
+        found = sorted(
+            plausibility.find_unlabelled(item.trial.with_unlabelled()), key=lambda n: (-n.filled, -n.frames)
+        )
         filling = [f"{n.label} fills {n.filled} frames of {n.fills}" for n in found if n.fills is not None]
         if found:
             names = list_few([n.label for n in found])
@@ -96,7 +98,7 @@ def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[docume
             )
 
 
-def _fill(item: RecordingFile, found: Unlabelled) -> documents.CorrectionEntry:
+def _fill(item: RecordingFile, found: plausibility.Unlabelled) -> documents.CorrectionEntry:
     """The trajectory that nobody labelled, as the marker whose gaps it fills."""
     trial = item.trial.with_unlabelled()
     seen = trial.times[find_seen(trial.position(found.label))]

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from scaling_service.capabilities.motion import clinical_angles, saving
-from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
+from scaling_service.capabilities.scaling.comparison import gait_cycles
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents import results
@@ -209,7 +209,7 @@ def compute_clinical_gait(
         cycles = _cut_cycles(recordings, [trial for trial in followed if trial.name in fitted])
     why = ""
     if not cycles and followed:
-        why = explain_no_cycles(followed) or "no whole stride is followed"
+        why = gait_cycles.explain_no_cycles(followed) or "no whole stride is followed"
     elif not cycles:
         why = "no movement was recorded"
     return ClinicalGait(recordings, cycles, of_held_out, why)
@@ -220,7 +220,8 @@ def _cut_cycles(
 ) -> dict[frames.Side, clinical_angles.ClinicalCycles]:
     found = {
         side: clinical_angles.cut_clinical_cycles(
-            [(recordings[trial.name], find_gait_cycles(trial, side).cycles) for trial in trials], side
+            [(recordings[trial.name], gait_cycles.find_gait_cycles(trial, side).cycles) for trial in trials],
+            side,
         )
         for side in frames.SIDES
     }

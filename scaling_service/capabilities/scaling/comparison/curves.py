@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
+from scaling_service.capabilities.scaling.comparison import gait_cycles
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
@@ -140,7 +140,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
         )
         if gait.curves:
             return gait
-    return Gait(reason=explain_no_cycles(trials) or "no whole stride is followed")
+    return Gait(reason=gait_cycles.explain_no_cycles(trials) or "no whole stride is followed")
 
 
 def _make_cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
@@ -224,7 +224,7 @@ def _cut_strides(
     """Trial to its strides that all methods follow, (n_methods, n_names, n_nodes), rad; why not others."""
     cut, why = dict[str, list[Array]](), list[str]()
     for trial in trials if names else ():
-        found = find_gait_cycles(trial, side)
+        found = gait_cycles.find_gait_cycles(trial, side)
         why += [f"{trial.name}: {found.reason}"] if found.reason else []
         columns = [motions[trial.name].column(name) for motions in methods for name in names]
         table, named = np.stack(columns, axis=1), [*names] * len(methods)

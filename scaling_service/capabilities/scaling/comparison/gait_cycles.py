@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.motion.clinical_angles import Cycle
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.frames import SIDES, Side
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
@@ -74,7 +74,7 @@ class GaitCycles:
     reason: str = ""
 
 
-def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
+def find_gait_cycles(trial: Trial, side: frames.Side) -> GaitCycles:
     """The strides of one leg from its foot's way before the pelvis.
 
     ``trial``: processed: m, Y up. Labels are the built-in models' names or any known alias. It may go along
@@ -143,7 +143,7 @@ def explain_no_cycles(trials: abc.Sequence[Trial]) -> str:
     """
     why: dict[str, list[str]] = {}
     for trial in trials:
-        found = [find_gait_cycles(trial, side) for side in SIDES]
+        found = [find_gait_cycles(trial, side) for side in frames.SIDES]
         if not any(one.cycles for one in found):
             why.setdefault(next(one.reason for one in found), []).append(trial.name)
     return "; ".join(f"{list_few(names)}: {reason}" for reason, names in why.items())
@@ -162,7 +162,7 @@ def _find_middle(trial: Trial, names: abc.Sequence[str]) -> Array | None:
     return mean
 
 
-def _follow_foot(trial: Trial, side: Side) -> tuple[str, Array]:
+def _follow_foot(trial: Trial, side: frames.Side) -> tuple[str, Array]:
     """The foot's marker that is seen longest, the earlier in the list where two are, and its places."""
     names = [f"{side.upper()}{name}" for name in _FEET]
     found = {name: where for name in names if (where := _find_position(trial, name)) is not None}

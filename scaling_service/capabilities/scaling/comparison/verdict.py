@@ -20,7 +20,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
-from scaling_service.report.words import spell_name, spell_parameter
+from scaling_service.report import words
 
 ANSWER = "MAP"
 """The method that weighs markers, images and what is ordinary in people, and states what is left open."""
@@ -91,7 +91,7 @@ def judge(evidence: Evidence) -> Verdict:
             "counts what they leave open; deviations are one standard deviation of the worst."
         )
     if chosen.by_people:
-        known = list_few([spell_parameter(name) for name in chosen.by_people])
+        known = list_few([words.spell_parameter(name) for name in chosen.by_people])
         why.append(f"People in general say more of {known} than these recordings.")
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
@@ -171,7 +171,7 @@ def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     if odd:
         return "poor", _describe_unusual(odd)
     text = " ".join(
-        f"{what} to ± {format_mm(sds[worst])} mm ({spell_name(worst)})."
+        f"{what} to ± {format_mm(sds[worst])} mm ({words.spell_name(worst)})."
         for what, sds in (("Lengths", chosen.length_sds), ("Hip centres in the pelvis", chosen.centre_sds))
         if sds
         for worst in [max(sds, key=lambda name: sds[name])]
@@ -186,7 +186,7 @@ def _rate_angles(chosen: MethodEvidence) -> Graded:
         return "unknown", "Their deviations are not known here: see `ik`."
     sds: abc.Mapping[str, float] = chosen.angle_sds
     worst = max(sds, key=lambda name: sds[name])
-    most = f"{_format_deg(sds[worst])} at most ({spell_name(worst)})"
+    most = f"{_format_deg(sds[worst])} at most ({words.spell_name(worst)})"
     text = f"To ± {most}, RMS over frames; 5° may mislead a reader."
     return _grade(sds[worst], ANGLE_GOOD, ANGLE_FAIR), text
 

@@ -14,46 +14,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.methods import (
+    image_points,
+    imaged_pelvis,
+    osim_image_based,
+    people_prior,
+    placement,
+)
 from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
-from scaling_service.capabilities.scaling.methods.image_points import (
-    ImagedParts,
-    doubt_sizes,
-    find_epicondyles,
-    find_imaged_parts,
-    size_beside_legs,
-    size_by_lengths,
-)
-from scaling_service.capabilities.scaling.methods.imaged_pelvis import PelvisFit, fit_pelvis
-from scaling_service.capabilities.scaling.methods.osim_image_based import (
-    Registration,
-    mirror_knee,
-    register_leg,
-    register_pelvis,
-)
-from scaling_service.capabilities.scaling.methods.people_prior import (
-    UNKNOWN_SIZE,
-    find_imaged,
-    measure_imaged,
-)
-from scaling_service.capabilities.scaling.methods.placement import (
-    move_markers,
-    place_on,
-    with_axis,
-    with_centre,
-)
-from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
+from scaling_service.capabilities.scaling.sizes import sizing
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import list_few
+from scaling_service.model import body, parameters, results, trial
+from scaling_service.model.anatomy import lengths
 from scaling_service.model.anatomy.frames import Frames, build_femur_frame
-from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
-from scaling_service.model.body import BodyModel, Marker, Vector, to_vector
-from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.people import read_people
-from scaling_service.model.results import Calibration, EstimatedCentre, SegmentSize
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
@@ -68,19 +46,19 @@ class _Leg:
 
     femur: Frames
     tibia: Frames | None
-    knee: Vector
-    ankle: Vector | None
-    tilt: Tilt
+    knee: body.Vector
+    ankle: body.Vector | None
+    tilt: parameters.Tilt
 
 
-def _measure_leg(evidence: ImageEvidence, side: str) -> _Leg:
+def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     hip, knee = (np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee"))
     axis = evidence.axes.get(f"knee_{side}")
-    lateral, medial = find_epicondyles(evidence, side, knee)
+    lateral, medial = image_points.find_epicondyles(evidence, side, knee)
     femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     femur = _turn_through(femur, hip, knee)
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
-    tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
+    tilt = parameters.tilt_of(direction if direction[2] > 0.0 else -direction)
     below = _to_vector(femur.to_local(knee)[0])
     if f"ankle_{side}" not in evidence.centres:
         return _Leg(femur=femur, tibia=None, knee=below, ankle=None, tilt=tilt)
@@ -100,9 +78,9 @@ def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
     return Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
 
 
-def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames:
+def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt) -> Frames:
     """The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle."""
-    turned = tilt_rotation(tilt)
+    turned = parameters.tilt_rotation(tilt)
     shank = turned.T @ femur.rotation[0].T @ (ankle - knee)  # in the hinge's frame, about its z
     straight = turned.T @ np.array([0.0, -1.0, 0.0])
     angle = float(np.arctan2(shank[1], shank[0]) - np.arctan2(straight[1], straight[0]))
@@ -117,69 +95,71 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames
     return Frames((femur.rotation[0] @ hinge)[None], knee[None])
 
 
-def _with_leg(model: BodyModel, leg: _Leg, side: str) -> BodyModel:
+def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:
     """The model with a leg's centres and knee axis; without a foot its ankle is a landmark."""
-    model = with_centre(model, f"tibia_{side}", leg.knee)
-    foot = find_segment(model, "foot", side)
+    model = placement.with_centre(model, f"tibia_{side}", leg.knee)
+    foot = lengths.find_segment(model, "foot", side)
     if foot is not None and leg.ankle is not None:
-        model = with_centre(model, foot, leg.ankle)
-    model = with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
-    return model if leg.ankle is None else move_markers(model, {f"{side.upper()}AJC": leg.ankle})
+        model = placement.with_centre(model, foot, leg.ankle)
+    model = placement.with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
+    return model if leg.ankle is None else placement.move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
-def _with_hips(model: BodyModel, evidence: ImageEvidence, pelvis: Frames) -> BodyModel:
+def _with_hips(model: body.BodyModel, evidence: trial.ImageEvidence, pelvis: Frames) -> body.BodyModel:
     """Both hips where the image shows them in the pelvis; one that it does not show is the other's mirror."""
     for side, other in ("rl", "lr"):
         if f"femur_{side}" in model.segment_names:
             own = f"hip_{side}" in evidence.centres
             at = evidence.centres[f"hip_{side if own else other}"]
             x, y, z = _to_vector(pelvis.to_local(at)[0])
-            model = with_centre(model, f"femur_{side}", (x, y, z if own else -z))
+            model = placement.with_centre(model, f"femur_{side}", (x, y, z if own else -z))
     return model
 
 
-def _fit_pelvis(session: Session, start: Calibration, image: Frames) -> PelvisFit:
+def _fit_pelvis(session: Session, start: results.Calibration, image: Frames) -> imaged_pelvis.PelvisFit:
     """The start's pelvis against the image's; people's widths and depths say how directions differ."""
     assert session.images is not None
-    name = str(find_segment(start.model, "pelvis", ""))
-    expected, size = expect_dimensions(session.subject), start.sizes.get(name)
+    name = str(lengths.find_segment(start.model, "pelvis", ""))
+    expected, size = sizing.expect_dimensions(session.subject), start.sizes.get(name)
     rows = [expected.names.index(dimension) for dimension in ("pelvis_width", "pelvis_depth")]
     ratio = np.array([1.0, -1.0]) @ expected.covariance[np.ix_(rows, rows)] @ np.array([1.0, -1.0])
-    return fit_pelvis(
+    return imaged_pelvis.fit_pelvis(
         start.model,
         name,
         session.images,
         image,
-        size_sd=UNKNOWN_SIZE if size is None else size.sd,
+        size_sd=people_prior.UNKNOWN_SIZE if size is None else size.sd,
         shape_sd=float(np.sqrt(ratio / 2.0)),
     )
 
 
 def _bring_onto_bones(
-    start: Calibration,
-    evidence: ImageEvidence,
-    parts: ImagedParts,
-    standing: Trial | None,
-    pelvis: PelvisFit | None,
-) -> Calibration:
+    start: results.Calibration,
+    evidence: trial.ImageEvidence,
+    parts: image_points.ImagedParts,
+    standing: trial.Trial | None,
+    pelvis: imaged_pelvis.PelvisFit | None,
+) -> results.Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
     sides = parts.thighs
-    names = {s: tuple(find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
-    found = Registration(start.model)
+    names = {
+        s: tuple(lengths.find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"
+    }
+    found = osim_image_based.Registration(start.model)
     if parts.pelvis is not None and pelvis is not None:
-        register_pelvis(found, evidence, parts.pelvis, pelvis)
+        osim_image_based.register_pelvis(found, evidence, parts.pelvis, pelvis)
     for side in sides:
-        register_leg(found, evidence, side, _find_rightward(evidence, side))
+        osim_image_based.register_leg(found, evidence, side, _find_rightward(evidence, side))
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
     for side in others:
-        mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
+        osim_image_based.mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in found.poses}
     placed = {
-        n: to_vector(found.poses[segment].to_local(np.array(at))) for n, (segment, at) in imaged.items()
+        n: body.to_vector(found.poses[segment].to_local(np.array(at))) for n, (segment, at) in imaged.items()
     }
     new = [name for name in placed if name not in found.model.marker_names]
-    added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
-    model = move_markers(found.model.with_markers((*found.model.markers, *added)), placed)
+    added = [body.Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
+    model = placement.move_markers(found.model.with_markers((*found.model.markers, *added)), placed)
     alike = {
         f"{part}_{side}"
         for side in others
@@ -188,14 +168,16 @@ def _bring_onto_bones(
     }
     legs = frozenset(name for name, size in start.sizes.items() if size.dimension in alike)
     if standing is not None:
-        model = place_on(model, standing, (legs | found.poses.keys()) - {s for s, _ in imaged.values()})
+        model = placement.place_on(
+            model, standing, (legs | found.poses.keys()) - {s for s, _ in imaged.values()}
+        )
     factors = {
-        name: to_vector(
+        name: body.to_vector(
             np.multiply(start.scale_factors.get(name, (1.0, 1.0, 1.0)), found.ratios.get(name, 1.0))
         )
         for name in model.segment_names
     }
-    return Calibration(
+    return results.Calibration(
         method="EB",
         model=model,
         generic=start.generic,
@@ -210,14 +192,19 @@ def _bring_onto_bones(
     )
 
 
-def _find_rightward(evidence: ImageEvidence, side: str) -> Array:
+def _find_rightward(evidence: trial.ImageEvidence, side: str) -> Array:
     """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
-    lateral, medial = find_epicondyles(evidence, side, np.array(evidence.centres[f"knee_{side}"]))
+    lateral, medial = image_points.find_epicondyles(
+        evidence, side, np.array(evidence.centres[f"knee_{side}"])
+    )
     return lateral - medial if side == "r" else medial - lateral
 
 
 def _list_osim_notes(
-    found: Registration, parts: ImagedParts, others: frozenset[str], placed: Mapping[str, Vector]
+    found: osim_image_based.Registration,
+    parts: image_points.ImagedParts,
+    others: frozenset[str],
+    placed: Mapping[str, body.Vector],
 ) -> list[str]:
     """Which segments lie on bones, what scaling could not do, and what is not from images.
 
@@ -255,12 +242,16 @@ def _list_osim_notes(
     return notes
 
 
-def _list_factors(start: Calibration, model: BodyModel, pelvis: PelvisFit | None) -> dict[str, Vector]:
+def _list_factors(
+    start: results.Calibration, model: body.BodyModel, pelvis: imaged_pelvis.PelvisFit | None
+) -> dict[str, body.Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
-    generic, now = measure_segment_lengths(start.generic), measure_segment_lengths(model)
+    generic, now = lengths.measure_segment_lengths(start.generic), lengths.measure_segment_lengths(model)
     factors = dict(start.scale_factors)
     if pelvis is not None:
-        factors["pelvis"] = to_vector(np.multiply(factors.get("pelvis", (1.0, 1.0, 1.0)), pelvis.factors))
+        factors["pelvis"] = body.to_vector(
+            np.multiply(factors.get("pelvis", (1.0, 1.0, 1.0)), pelvis.factors)
+        )
     for side in "rl":
         for segment, length in ((f"femur_{side}", f"femur_{side}"), (f"tibia_{side}", f"shank_{side}")):
             if segment in factors and length in now:
@@ -268,7 +259,9 @@ def _list_factors(start: Calibration, model: BodyModel, pelvis: PelvisFit | None
     return factors
 
 
-def _list_notes(model: BodyModel, parts: ImagedParts, placed: Mapping[str, Vector]) -> list[str]:
+def _list_notes(
+    model: body.BodyModel, parts: image_points.ImagedParts, placed: Mapping[str, body.Vector]
+) -> list[str]:
     """What is not from images."""
     notes = []
     other = [s for s in "rl" if s not in parts.thighs and f"femur_{s}" in model.segment_names]
@@ -285,32 +278,34 @@ def _list_notes(model: BodyModel, parts: ImagedParts, placed: Mapping[str, Vecto
     return notes
 
 
-def _to_vector(values: Array) -> Vector:
+def _to_vector(values: Array) -> body.Vector:
     x, y, z = (float(v) for v in values)
     return (x, y, z)
 
 
 def _scale(
-    session: Session, settings: CalibrationSettings, start: Calibration, evidence: ImageEvidence
-) -> Calibration:
+    session: Session, settings: CalibrationSettings, start: results.Calibration, evidence: trial.ImageEvidence
+) -> results.Calibration:
     """The image-based model, without deviations."""
     standing = session.static
-    parts = find_imaged_parts(start.model, evidence)
+    parts = image_points.find_imaged_parts(start.model, evidence)
     sides = parts.thighs
     if parts.pelvis is None and not sides:
-        return size_by_lengths(session, settings, start, evidence)
-    base = size_beside_legs(session, settings, start, evidence)
+        return image_points.size_by_lengths(session, settings, start, evidence)
+    base = image_points.size_beside_legs(session, settings, start, evidence)
     pelvis = None if parts.pelvis is None else _fit_pelvis(session, base, parts.pelvis)
     if session.subject.model.lower().endswith(".osim"):
         onto = _bring_onto_bones(base, evidence, parts, standing, pelvis)
-        doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
+        doubts = image_points.doubt_sizes(start.model, onto.model, onto.image_poses)
         return replace(onto, warnings=(*onto.warnings, *doubts))
     model, notes = base.model, [*base.warnings]
     frames: dict[str, Frames] = {}
     if parts.pelvis is not None and pelvis is not None:
         frames["pelvis"] = parts.pelvis
         model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), evidence, parts.pelvis)
-    tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
+    tilts: dict[str, parameters.Tilt] = (
+        dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
+    )
     for side in sides:
         leg = _measure_leg(evidence, side)
         frames[f"femur_{side}"] = leg.femur
@@ -322,25 +317,27 @@ def _scale(
         x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
         joint = model.segment(f"tibia_{side}").joint_name
         tilts[joint] = (-x, -y)
-        model = with_axis(model, joint, tilts[joint])
+        model = placement.with_axis(model, joint, tilts[joint])
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
     placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
     # Markers that the model does not have yet are placed from their segment alone.
     new = [name for name in placed if name not in model.marker_names]
-    added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
-    model = move_markers(model.with_markers((*model.markers, *added)), placed)
+    added = [body.Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
+    model = placement.move_markers(model.with_markers((*model.markers, *added)), placed)
     seen = {segment for segment, _ in imaged.values()}
     if standing is not None:
-        model = place_on(model, standing, frozenset(model.segment_names) - seen)
-    notes += [*_list_notes(model, parts, placed), *doubt_sizes(start.model, model, frames)]
-    return Calibration(
+        model = placement.place_on(model, standing, frozenset(model.segment_names) - seen)
+    notes += [*_list_notes(model, parts, placed), *image_points.doubt_sizes(start.model, model, frames)]
+    return results.Calibration(
         method="EB",
         model=model,
         generic=base.generic,
         scale_factors=_list_factors(base, model, pelvis),
         axis_tilts=tilts,
         warnings=tuple(notes),
-        image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
+        image_poses={
+            name: trial.ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()
+        },
         sizes={name: size for name, size in base.sizes.items() if name not in frames},
         bone_sized={
             name: "own" if name in frames else "other leg"
@@ -350,21 +347,23 @@ def _scale(
     )
 
 
-def _state_deviations(found: Calibration, evidence: ImageEvidence) -> Calibration:
+def _state_deviations(found: results.Calibration, evidence: trial.ImageEvidence) -> results.Calibration:
     """With what bone surfaces leave open of lengths and hips (``reference_models/people.yaml``)."""
-    people, imaged = read_people(), find_imaged(found, evidence)
-    sds = measure_imaged(imaged, people)
+    people, imaged = read_people(), people_prior.find_imaged(found, evidence)
+    sds = people_prior.measure_imaged(imaged, people)
     sizes = dict(found.sizes)
     for segment in found.bone_sized:
-        dimension = find_dimension(found.model.bone_of(segment))
+        dimension = sizing.find_dimension(found.model.bone_of(segment))
         if dimension in sds:
             length, sd = sds[dimension]
-            factor = length / measure_segment_lengths(found.generic)[dimension]
-            sizes[segment] = SegmentSize(
+            factor = length / lengths.measure_segment_lengths(found.generic)[dimension]
+            sizes[segment] = results.SegmentSize(
                 dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
             )
     hips = [f"hip_{side}" for side in sorted(imaged.hips)]
-    centres = {hip: EstimatedCentre("image", (imaged.deviate_centre(hip, people),) * 3) for hip in hips}
+    centres = {
+        hip: results.EstimatedCentre("image", (imaged.deviate_centre(hip, people),) * 3) for hip in hips
+    }
     return replace(found, sizes=sizes, centres={**found.centres, **centres})
 
 
@@ -380,10 +379,10 @@ class ImageBased:
     def calibrate(
         self,
         session: Session,
-        start: Calibration | None,
+        start: results.Calibration | None,
         settings: CalibrationSettings,
         progress: object,  # noqa: ARG002 (one step: nothing to report)
-    ) -> Calibration:
+    ) -> results.Calibration:
         """Replace joint centres, knee axes and markers of a marker-based model by what images show.
 
         The marker-based model stays where nothing was imaged. Where the image shows no marker, those of

@@ -10,7 +10,7 @@ import numpy as np
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
@@ -42,17 +42,17 @@ def find_imaged_spines(evidence: ImageEvidence) -> tuple[dict[str, Array], bool]
     return {}, False
 
 
-def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
+def find_imaged_pelvis(evidence: ImageEvidence) -> frames.Frames | None:
     """The pelvis frame of the spines, or of the markers over them, where all four are in the image."""
     spines, _ = find_imaged_spines(evidence)
-    return build_pelvis_frame(*spines.values()) if spines else None
+    return frames.build_pelvis_frame(*spines.values()) if spines else None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ImagedParts:
     """What of a model an image shows well enough to lay it there; ``thighs``, ``shanks``: sides."""
 
-    pelvis: Frames | None  # frame of its spines, where a hip centre is known, too
+    pelvis: frames.Frames | None  # frame of its spines, where a hip centre is known, too
     thighs: tuple[str, ...]
     shanks: tuple[str, ...]  # each below its thigh
 

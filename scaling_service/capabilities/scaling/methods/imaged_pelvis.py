@@ -17,12 +17,11 @@ from scipy.optimize import least_squares
 
 from scaling_service.capabilities.scaling.methods.image_points import find_imaged_spines
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model import body, trial
+from scaling_service.model import people as peoples
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model.body import BodyModel, Vector, to_vector
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.model.trial import ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
@@ -35,9 +34,9 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 class PelvisFit:
     """Factors over the model's pelvis, along its x, y and z, and where the pelvis so scaled lies."""
 
-    factors: Vector
-    deviations: Vector  # standard deviations of the factors, relative
-    pose: ImagePose
+    factors: body.Vector
+    deviations: body.Vector  # standard deviations of the factors, relative
+    pose: trial.ImagePose
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,7 +49,13 @@ class _Pairs:
 
 
 def fit_pelvis(
-    model: BodyModel, pelvis: str, evidence: ImageEvidence, image: Frames, *, size_sd: float, shape_sd: float
+    model: body.BodyModel,
+    pelvis: str,
+    evidence: trial.ImageEvidence,
+    image: frames.Frames,
+    *,
+    size_sd: float,
+    shape_sd: float,
 ) -> PelvisFit:
     """Size a pelvis along each of its axes and lay it into the image, by its spines and hips.
 
@@ -83,13 +88,13 @@ def fit_pelvis(
     rotation, at, factors = lay(found.x)
     covariance = np.linalg.inv(found.jac.T @ found.jac)
     return PelvisFit(
-        factors=to_vector(factors),
-        deviations=to_vector(np.sqrt(np.diag(covariance)[6:])),
-        pose=ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
+        factors=body.to_vector(factors),
+        deviations=body.to_vector(np.sqrt(np.diag(covariance)[6:])),
+        pose=trial.ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
     )
 
 
-def find_imaged_hips(evidence: ImageEvidence, image: Frames) -> dict[str, Array]:
+def find_imaged_hips(evidence: trial.ImageEvidence, image: frames.Frames) -> dict[str, Array]:
     """Both hip centres in the image, (3,) m; of half a pelvis the other is its mirror image."""
     seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
     for side, other in ("rl", "lr"):
@@ -98,7 +103,7 @@ def find_imaged_hips(evidence: ImageEvidence, image: Frames) -> dict[str, Array]
     return seen
 
 
-def place_hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
+def place_hips(model: body.BodyModel, pelvis: str) -> dict[str, Array]:
     """Both hip centres in the pelvis's frame, (3,) m; of one leg alone the other's is its mirror image."""
     found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := find_joint_ends(model, "hip", side))}
     for side, other in ("rl", "lr"):
@@ -119,13 +124,13 @@ def refuse_without_joint(joint: str, segment: str) -> SubjectInvalid:
 
 
 def _pair_points(
-    model: BodyModel,
+    model: body.BodyModel,
     pelvis: str,
-    evidence: ImageEvidence,
+    evidence: trial.ImageEvidence,
     hips: Mapping[str, Array],
     seen: Mapping[str, Array],
 ) -> _Pairs:
-    people, marked = read_people(), _find_marked_spines(model, pelvis)
+    people, marked = peoples.read_people(), _find_marked_spines(model, pelvis)
     shown, bony = find_imaged_spines(evidence)
     spines = {**shown, "SACR": (shown["RPSIS"] + shown["LPSIS"]) / 2.0}
     ours, theirs, blocks = [], [], []
@@ -148,14 +153,14 @@ def _pair_points(
     return _Pairs(model=np.array(ours), image=np.array(theirs), covariance=block_diag(*blocks, both))
 
 
-def _measure_variance(name: str, evidence: ImageEvidence, people: People, bony: bool) -> Array:
+def _measure_variance(name: str, evidence: trial.ImageEvidence, people: peoples.People, bony: bool) -> Array:
     """Of a spine's place by palpation and by the image, (3,), m2."""
     landmark = name if name == "SACR" else name[1:]
     by_image = evidence.deviations.get(name, 0.0) ** 2 / 3.0 if bony else people.image_marker**2
     return np.square(people.place_sd(landmark)) + by_image
 
 
-def _find_marked_spines(model: BodyModel, pelvis: str) -> dict[str, Array]:
+def _find_marked_spines(model: body.BodyModel, pelvis: str) -> dict[str, Array]:
     """The model's markers over its spines, (3,) m in the pelvis's frame; a sacral one only in their stead."""
     told = tell_landmarks(model)
     marks = {told.get(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
@@ -165,14 +170,14 @@ def _find_marked_spines(model: BodyModel, pelvis: str) -> dict[str, Array]:
     return {name: marks[name] for name in names if name in marks}
 
 
-def _find_model_forward(model: BodyModel, pelvis: str) -> Array:
+def _find_model_forward(model: body.BodyModel, pelvis: str) -> Array:
     """The direction from the PSIS (or the sacrum) to the ASIS in the pelvis's frame, (3,)."""
     marks = _find_marked_spines(model, pelvis)
     back = [marks[name] for name in ("RPSIS", "LPSIS", "SACR") if name in marks]
     if not {"RASIS", "LASIS"} <= marks.keys() or not back:
         return np.array([1.0, 0.0, 0.0])
     middle = np.mean(back, axis=0)
-    return build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
+    return frames.build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
 
 
 def _make_axes(z: Array, forward: Array) -> Array:

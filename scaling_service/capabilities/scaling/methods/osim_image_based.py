@@ -15,24 +15,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from scaling_service.capabilities.scaling.methods.imaged_pelvis import (
-    PelvisFit,
-    find_imaged_hips,
-    place_hips,
-    refuse_without_joint,
-)
+from scaling_service.capabilities.scaling.methods import imaged_pelvis
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import body, trial
+from scaling_service.model import poses as posing
+from scaling_service.model.anatomy import lengths as anatomy_lengths
 from scaling_service.model.anatomy.bones import find_body
 from scaling_service.model.anatomy.frames import Frames
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
-from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model
-from scaling_service.model.trial import ImageEvidence, ImagePose
+from scaling_service.numerics.multibody import rigid
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 
 MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
@@ -41,13 +35,13 @@ MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far fo
 class Registration:
     """A model on its way onto the bones of an image."""
 
-    model: BodyModel
+    model: body.BodyModel
     # ratios: segment to its sizes over the model's before; poses: segment to where it lies in the image
-    ratios: dict[str, Vector] = field(default_factory=dict)
-    poses: dict[str, ImagePose] = field(default_factory=dict)
+    ratios: dict[str, body.Vector] = field(default_factory=dict)
+    poses: dict[str, trial.ImagePose] = field(default_factory=dict)
     moves: dict[str, JointMove] = field(default_factory=dict)
 
-    def resize(self, ratios: Mapping[str, Vector]) -> None:
+    def resize(self, ratios: Mapping[str, body.Vector]) -> None:
         """Multiply segments' sizes, and those of what belongs to them, as the patella to the thigh."""
         spread = dict(ratios)
         for segment in self.model.segments:
@@ -57,14 +51,15 @@ class Registration:
                 spread[segment.name] = spread[segment.parent]
         self.model = scale_model(self.model, spread)
         self.ratios |= {
-            name: to_vector(np.multiply(self.ratios.get(name, 1.0), ratio)) for name, ratio in spread.items()
+            name: body.to_vector(np.multiply(self.ratios.get(name, 1.0), ratio))
+            for name, ratio in spread.items()
         }
 
-    def shift(self, segment: Segment, by: Array) -> None:
+    def shift(self, segment: body.Segment, by: Array) -> None:
         """Move the centre of the joint that carries a segment, m, in its parent's frame."""
-        self._rejoint(segment, (*_make_shifts(by), *segment.joints), shift=to_vector(by))
+        self._rejoint(segment, (*_make_shifts(by), *segment.joints), shift=body.to_vector(by))
 
-    def turn_child(self, segment: Segment, turn: Array, pivot: Array) -> None:
+    def turn_child(self, segment: body.Segment, turn: Array, pivot: Array) -> None:
         """Turn a segment against the joint that carries it, about a point of its own.
 
         ``turn``: a rotation vector, rad. ``pivot``: m. Both in the segment's frame.
@@ -72,39 +67,39 @@ class Registration:
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        rotation = convert_vector_to_rotation(turn)
-        about = Joint("rotation", to_vector(turn / angle), Law.constant(angle))
+        rotation = rigid.convert_vector_to_rotation(turn)
+        about = body.Joint("rotation", body.to_vector(turn / angle), body.Law.constant(angle))
         shift = pivot - rotation @ pivot
         joints = (*segment.joints, *_make_shifts(shift), about)
-        self._rejoint(segment, joints, child_turn=to_vector(turn), child_shift=to_vector(shift))
+        self._rejoint(segment, joints, child_turn=body.to_vector(turn), child_shift=body.to_vector(shift))
 
-    def move_axis(self, segment: Segment, by: Array, values: Mapping[str, float]) -> None:
+    def move_axis(self, segment: body.Segment, by: Array, values: Mapping[str, float]) -> None:
         """Move the joint that carries a segment, m, in its parent's frame; at ``values`` the segment stays.
 
         ``by``: (3,). ``values``: coordinate to its value, rad or m.
         """
-        back = -follow(segment.joints, values)[0].T @ by
+        back = -posing.follow(segment.joints, values)[0].T @ by
         joints = (*_make_shifts(by), *segment.joints, *_make_shifts(back))
-        self._rejoint(segment, joints, shift=to_vector(by), child_shift=to_vector(back))
+        self._rejoint(segment, joints, shift=body.to_vector(by), child_shift=body.to_vector(back))
 
-    def turn(self, segment: Segment, onto: Array, values: Mapping[str, float]) -> None:
+    def turn(self, segment: body.Segment, onto: Array, values: Mapping[str, float]) -> None:
         """Turn the axes of the joint that carries a segment, so that its first one points along ``onto``.
 
         ``onto``: (3,), in the parent's frame.
         """
         first, last = find_turning_joints(segment)
-        rotation, _ = follow(segment.joints[:first], values)
+        rotation, _ = posing.follow(segment.joints[:first], values)
         turn = rotation.T @ _turn_onto(find_axis_in_parent(segment, values), onto)
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        axis = to_vector(turn / angle)
-        there, back = (Joint("rotation", axis, Law.constant(a)) for a in (angle, -angle))
+        axis = body.to_vector(turn / angle)
+        there, back = (body.Joint("rotation", axis, body.Law.constant(a)) for a in (angle, -angle))
         joints = segment.joints
         turned = (*joints[:first], there, *joints[first:last], back, *joints[last:])
-        self._rejoint(segment, turned, turn=to_vector(turn))
+        self._rejoint(segment, turned, turn=body.to_vector(turn))
 
-    def _rejoint(self, segment: Segment, joints: tuple[Joint, ...], **moved: Vector) -> None:
+    def _rejoint(self, segment: body.Segment, joints: tuple[body.Joint, ...], **moved: body.Vector) -> None:
         known = self.moves.get(segment.joint_name, JointMove())
         self.moves[segment.joint_name] = replace(known, **moved)
         changed = replace(segment, joints=joints)
@@ -112,15 +107,15 @@ class Registration:
         self.model = replace(self.model, segments=segments)
 
 
-def _make_shifts(by: Array) -> tuple[Joint, ...]:
+def _make_shifts(by: Array) -> tuple[body.Joint, ...]:
     return tuple(
-        Joint("translation", to_vector(axis), Law.constant(value))
+        body.Joint("translation", body.to_vector(axis), body.Law.constant(value))
         for axis, value in zip(np.eye(3), by.tolist(), strict=True)
         if value
     )
 
 
-def find_turning_joints(segment: Segment) -> tuple[int, int]:
+def find_turning_joints(segment: body.Segment) -> tuple[int, int]:
     """The slice of a segment's joints from its first driven turn to its last.
 
     Raises SubjectInvalid: none of them turns.
@@ -135,29 +130,31 @@ def find_turning_joints(segment: Segment) -> tuple[int, int]:
     return driven[0], driven[-1] + 1
 
 
-def find_axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
+def find_axis_in_parent(segment: body.Segment, values: Mapping[str, float]) -> Array:
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
     first, _ = find_turning_joints(segment)
-    rotation, _ = follow(segment.joints[:first], values)
+    rotation, _ = posing.follow(segment.joints[:first], values)
     axis: Array = rotation @ np.array(segment.joints[first].axis)
     return axis
 
 
-def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames, fit: PelvisFit) -> None:
+def register_pelvis(
+    found: Registration, evidence: trial.ImageEvidence, image: Frames, fit: imaged_pelvis.PelvisFit
+) -> None:
     """Size the pelvis along each of its axes, lay it by spines and hips, and move its hips to the image's."""
-    name = find_segment(found.model, "pelvis", "")
+    name = anatomy_lengths.find_segment(found.model, "pelvis", "")
     assert name is not None
     found.resize({name: fit.factors})
     pose = found.poses[name] = fit.pose
-    ours, seen = place_hips(found.model, name), find_imaged_hips(evidence, image)
+    ours, seen = imaged_pelvis.place_hips(found.model, name), imaged_pelvis.find_imaged_hips(evidence, image)
     for side in "rl":
-        femur = find_segment(found.model, "femur", side)
+        femur = anatomy_lengths.find_segment(found.model, "femur", side)
         if femur is not None:
-            first, *_ = list_chain(found.model, name, femur)
+            first, *_ = anatomy_lengths.list_chain(found.model, name, femur)
             found.shift(first, pose.to_local(seen[side]) - ours[side])
 
 
-def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
+def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, lateral: Array) -> None:
     """Size a thigh and a shank, lay them into the image, and move knee axis and ankle to what it shows.
 
     Where the ankle was not imaged the shank stays as it is.
@@ -169,7 +166,7 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
         for joint in ("hip", "knee", "ankle")
         if f"{joint}_{side}" in evidence.centres
     }
-    femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
+    femur, tibia = (str(anatomy_lengths.find_segment(found.model, role, side)) for role in ("femur", "tibia"))
     lengths = {femur: float(np.linalg.norm(centres["hip"] - centres["knee"]))}
     if "ankle" in centres:
         lengths[tibia] = float(np.linalg.norm(centres["knee"] - centres["ankle"]))
@@ -177,10 +174,10 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
     ratios = {n: length / float(np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()}
     found.resize({name: (ratio,) * 3 for name, ratio in ratios.items()})
     ends = _find_leg_ends(found.model, femur, tibia, side)
-    values = straighten(found.model)
+    values = anatomy_lengths.straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
     flexion = lateral if axis is None else np.array(axis) * np.sign(np.array(axis) @ lateral)
-    knee, carried = _find_turning_in(list_chain(found.model, femur, tibia), values)
+    knee, carried = _find_turning_in(anatomy_lengths.list_chain(found.model, femur, tibia), values)
     model_axis = carried @ find_axis_in_parent(knee, values)
     rightward = model_axis * np.sign(model_axis[2])
     hip_at, knee_at = ends[femur]
@@ -188,7 +185,7 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
         _make_axes_along(centres["hip"] - centres["knee"], flexion)
         @ _make_axes_along(hip_at - knee_at, rightward).T
     )
-    thigh = ImagePose(rotation, centres["hip"] - rotation @ hip_at)
+    thigh = trial.ImagePose(rotation, centres["hip"] - rotation @ hip_at)
     found.poses[femur] = thigh
     onto = carried.T @ rotation.T @ flexion
     found.turn(knee, onto / np.linalg.norm(onto) * np.sign(model_axis[2]), values)
@@ -197,12 +194,16 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
         _move_ankle(found, evidence, tibia, side, centres["ankle"])
 
 
-def _find_leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:
+def _find_leg_ends(
+    model: body.BodyModel, femur: str, tibia: str, side: str
+) -> dict[str, tuple[Array, Array]]:
     """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
-    hip, knee, ankle = (find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
+    hip, knee, ankle = (
+        anatomy_lengths.find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle")
+    )
     for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
         if segment not in ends:
-            raise refuse_without_joint(joint, segment)
+            raise imaged_pelvis.refuse_without_joint(joint, segment)
     return {femur: (hip[femur], knee[femur]), tibia: (knee[tibia], ankle[tibia])}
 
 
@@ -210,7 +211,7 @@ def _register_shank(
     found: Registration,
     femur: str,
     tibia: str,
-    thigh: ImagePose,
+    thigh: trial.ImagePose,
     ankle: Array,
     ends: tuple[Array, Array],
 ) -> None:
@@ -222,16 +223,16 @@ def _register_shank(
     ``ends``: centres of knee and ankle in the shank's frame.
     """
     knee_at, ankle_at = ends
-    chain = list_chain(found.model, femur, tibia)
-    values = straighten(found.model)
+    chain = anatomy_lengths.list_chain(found.model, femur, tibia)
+    values = anatomy_lengths.straighten(found.model)
     knee, _ = _find_turning_in(chain, values)
     terms = knee.joints[find_turning_joints(knee)[0]].law.terms
     coordinate = next(t.coordinate for t in terms if t.coordinate is not None)
     joints = [j for s in chain for j in s.joints]
     target = thigh.to_local(ankle)
 
-    def place(angle: float) -> Frame:
-        return follow(joints, {**values, coordinate: angle})
+    def place(angle: float) -> posing.Frame:
+        return posing.follow(joints, {**values, coordinate: angle})
 
     def measure_gap(angle: float) -> float:
         turn, origin = place(angle)
@@ -251,28 +252,32 @@ def _register_shank(
     turn, origin = place(angle)
     ours, theirs = ankle_at - knee_at, turn.T @ (target - origin) - knee_at
     found.turn_child(found.model.segment(tibia), _turn_onto(ours, theirs), knee_at)
-    joints = [j for s in list_chain(found.model, femur, tibia) for j in s.joints]
+    joints = [j for s in anatomy_lengths.list_chain(found.model, femur, tibia) for j in s.joints]
     turn, origin = place(angle)
     found.poses[tibia] = thigh.carry((turn, origin))
 
 
-def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: str, ankle: Array) -> None:
+def _move_ankle(
+    found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str, ankle: Array
+) -> None:
     """The ankle's centre where the image shows it, and its axis where the talus was imaged."""
-    foot = find_segment(found.model, "foot", side)
+    foot = anatomy_lengths.find_segment(found.model, "foot", side)
     if foot is None:
         return
-    pose, chain = found.poses[tibia], list_chain(found.model, tibia, foot)
-    found.shift(chain[0], pose.to_local(ankle) - find_joint_ends(found.model, "ankle", side)[tibia])
+    pose, chain = found.poses[tibia], anatomy_lengths.list_chain(found.model, tibia, foot)
+    found.shift(
+        chain[0], pose.to_local(ankle) - anatomy_lengths.find_joint_ends(found.model, "ankle", side)[tibia]
+    )
     axis = evidence.axes.get(f"ankle_{side}")
     if axis is not None:
-        values = straighten(found.model)
-        joint, carried = _find_turning_in(list_chain(found.model, tibia, foot), values)
+        values = anatomy_lengths.straighten(found.model)
+        joint, carried = _find_turning_in(anatomy_lengths.list_chain(found.model, tibia, foot), values)
         onto = carried.T @ pose.rotation.T @ np.array(axis)
         found.turn(joint, onto * np.sign(onto @ find_axis_in_parent(joint, values)), values)
         _register_subtalar(found, evidence, tibia, side)
 
 
-def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str, side: str) -> None:
+def _register_subtalar(found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str) -> None:
     """The subtalar axis where the talus shows it; the foot stays where it is in the neutral pose.
 
     The talus is laid by the ankle's centre and axis and bent until the model's subtalar axis comes nearest to
@@ -282,23 +287,25 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     talus, calcn = (find_body(found.model, f"{bone}_{side}") for bone in ("talus", "calcn"))
     if name not in evidence.axes or talus is None or calcn is None:
         return
-    values = straighten(found.model)
-    chain = list_chain(found.model, talus, calcn)
+    values = anatomy_lengths.straighten(found.model)
+    chain = anatomy_lengths.list_chain(found.model, talus, calcn)
     if not any(j.turns for s in chain for j in s.joints):
         return
     joint, carried = _find_turning_in(chain, values)
     ankle, onto = np.array(evidence.centres[f"ankle_{side}"]), np.array(evidence.axes[name])
     hinge = np.array(evidence.axes[f"ankle_{side}"])
-    before = follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
+    before = posing.follow(
+        [j for s in anatomy_lengths.list_chain(found.model, tibia, talus) for j in s.joints], values
+    )
     pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
-    bend = rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
-    placed = ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
+    bend = rigid.rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
+    placed = trial.ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
     found.poses[talus] = placed
     first, _ = find_turning_joints(joint)
     upto = [j for s in chain[: chain.index(joint)] for j in s.joints]
-    centre = follow([*upto, *joint.joints[:first]], values)[1]
+    centre = posing.follow([*upto, *joint.joints[:first]], values)[1]
     axis = placed.rotation.T @ theirs
     off = placed.to_local(np.array(evidence.centres[name])) - centre
     found.move_axis(joint, carried.T @ (off - (off @ axis) * axis), values)
@@ -310,15 +317,15 @@ def _measure_angle_about(axis: Array, start: Array, end: Array) -> float:
     return float(np.arctan2(np.cross(start, end) @ axis, start @ end - (start @ axis) * (end @ axis)))
 
 
-def _find_turning_in(chain: list[Segment], values: Mapping[str, float]) -> tuple[Segment, Array]:
+def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> tuple[body.Segment, Array]:
     """The first segment of a chain that turns, and the rotation, (3, 3), that leads to its parent."""
-    before: list[Joint] = []
+    before: list[body.Joint] = []
     for segment in chain:
         if any(j.turns for j in segment.joints):
-            return segment, follow(before, values)[0]
+            return segment, posing.follow(before, values)[0]
         before += segment.joints
     find_turning_joints(chain[-1])
-    return chain[-1], follow(before, values)[0]
+    return chain[-1], posing.follow(before, values)[0]
 
 
 def mirror_knee(found: Registration, imaged: str, other: str) -> None:
@@ -326,12 +333,12 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
 
     ``imaged``, ``other``: their shanks.
     """
-    values = straighten(found.model)
+    values = anatomy_lengths.straighten(found.model)
     ours, theirs = (found.model.segment(name) for name in (imaged, other))
     first, _ = find_turning_joints(ours)
     move = found.moves.get(ours.joint_name, JointMove())
     # What is wanted is the axis as it stands now, seen in a mirror: an axis has no sign of its own.
-    now = follow(ours.joints[:first], values)[0] @ np.array(move.turn)
+    now = posing.follow(ours.joints[:first], values)[0] @ np.array(move.turn)
     angle = float(np.linalg.norm(now))
     if angle == 0.0:
         return

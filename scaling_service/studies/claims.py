@@ -161,23 +161,7 @@ def summarise_study(
 ) -> Summary:
     """A study in short: how many claims hold, what differs from the paper, every claim, and the tables."""
     every = all(claim.holds for claim in document.claims)
-    return Summary(
-        title=f"{title}, done again on virtual persons",
-        subtitle=document.source,
-        headline=f"{count_held(document)} claims hold on these {document.size} persons; what differs:",
-        tone="good" if every else "fair",
-        why=document.notes,
-        tables=[_tabulate_claims(document), *tables],
-    )
-
-
-def count_held(document: StudyDocument) -> str:
-    """How many claims hold, of how many."""
-    return f"{sum(claim.holds is True for claim in document.claims)} of {len(document.claims)}"
-
-
-def _tabulate_claims(document: StudyDocument) -> report_tables.Table:
-    """Every claim, and whether it holds here."""
+    # Every claim, and whether it holds here
     rows = []
     for claim in document.claims:
         word, tone = HOLDS[claim.holds]
@@ -186,9 +170,24 @@ def _tabulate_claims(document: StudyDocument) -> report_tables.Table:
                 claim.where, [claim.claim, report_tables.Cell(word, tone=tone), claim.paper, claim.ours]
             )
         )
-    return report_tables.Table(
-        caption="Claim by claim",
-        columns=["where", "claim", "here", "in the paper", "here, in figures"],
-        rows=rows,
-        words=True,
+    return Summary(
+        title=f"{title}, done again on virtual persons",
+        subtitle=document.source,
+        headline=f"{count_held(document)} claims hold on these {document.size} persons; what differs:",
+        tone="good" if every else "fair",
+        why=document.notes,
+        tables=[
+            report_tables.Table(
+                caption="Claim by claim",
+                columns=["where", "claim", "here", "in the paper", "here, in figures"],
+                rows=rows,
+                words=True,
+            ),
+            *tables,
+        ],
     )
+
+
+def count_held(document: StudyDocument) -> str:
+    """How many claims hold, of how many."""
+    return f"{sum(claim.holds is True for claim in document.claims)} of {len(document.claims)}"

@@ -116,19 +116,6 @@ def _average_errors(method: summary.MethodSummary) -> dict[str, float]:
     return {role: float(np.mean(errors)) for role, errors in by_role.items()}
 
 
-def _average_axes(method: summary.MethodSummary) -> dict[str, float]:
-    return {
-        f"{side}_{axis}": turn
-        for side, turns in method.knee_axes.items()
-        for axis, turn in zip("xy", turns, strict=True)
-    }
-
-
-def _shift(method: summary.MethodSummary) -> dict[str, float]:
-    shifts = list(method.marker_shifts.values())
-    return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
-
-
 def compare_quantities(
     subjects: abc.Sequence[summary.SubjectSummary], methods: abc.Sequence[str], alpha: float
 ) -> dict[str, list[documents.QuantityEntry]]:
@@ -142,8 +129,22 @@ def compare_quantities(
     kinds: abc.Mapping[str, tuple[float, abc.Callable[[summary.MethodSummary], abc.Mapping[str, float]]]] = {
         "segment_lengths_mm": (_MM, lambda method: method.lengths),
         "kinematic_error_mm": (_MM, _average_errors),
-        "knee_axis_deg": (_DEG, _average_axes),
-        "marker_shift_mm": (_MM, _shift),
+        "knee_axis_deg": (
+            _DEG,
+            lambda method: {
+                f"{side}_{axis}": turn
+                for side, turns in method.knee_axes.items()
+                for axis, turn in zip("xy", turns, strict=True)
+            },
+        ),
+        "marker_shift_mm": (
+            _MM,
+            lambda method: (
+                {"mean_over_markers": float(np.mean(list(method.marker_shifts.values())))}
+                if method.marker_shifts
+                else {}
+            ),
+        ),
         "from_truth_mm": (_MM, lambda method: method.from_truth_m),
         "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
     }

@@ -29,7 +29,6 @@ from scaling_service.capabilities.subject.images import takes_bones
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.results import ComparisonDocument
 from scaling_service.documents.writing import code_version
 from scaling_service.model.subject import Subject
 
@@ -241,7 +240,10 @@ class SubjectMember:
         )
         summary = summaries.summarise(results, left_out=left_out)
         # Written beside and moved into place, so that there is never half of one.
-        record = Record(specified, _list_files(document), summary)
+        written = [
+            f"{m.method}/{name}" for m in document.methods.values() for name in (*m.files, "scaling.json")
+        ]
+        record = Record(specified, ("comparison.json", *written), summary)
         new = self.folder / f".{RECORD}.{os.getpid()}"
         new.write_text(json.dumps(_RECORDS.dump_python(record)) + "\n", encoding="utf-8")
         new.replace(self.folder / RECORD)
@@ -281,10 +283,3 @@ def read_record(folder: Path) -> Record | None:
 def read_summary(folder: Path) -> summaries.SubjectSummary:
     """What the statistics take of a subject that is done, whose other files need not be there."""
     return _RECORDS.validate_json((folder / RECORD).read_bytes()).summary
-
-
-def _list_files(document: ComparisonDocument) -> tuple[str, ...]:
-    by_method = [
-        f"{m.method}/{name}" for m in document.methods.values() for name in (*m.files, "scaling.json")
-    ]
-    return ("comparison.json", *by_method)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import abc
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Protocol
@@ -15,7 +16,7 @@ from scaling_service.capabilities.cohort import outcomes as cohort_outcomes
 from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import saving
 from scaling_service.capabilities.cohort.executors import workers
-from scaling_service.capabilities.cohort.members import Listed, read_members
+from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
 from scaling_service.capabilities.scaling.methods import table
@@ -26,7 +27,6 @@ from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import format_p
 from scaling_service.core.threads import count_cores
 from scaling_service.documents import writing
-from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 from scaling_service.report.words import spell_name
 
@@ -49,12 +49,46 @@ def write_reasons(
     found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
 ) -> list[str]:
     """What the headline rests on, and what it does not say; ``groups``: the labels of each subject."""
+    told: list[str] = []
+    for said, entry in _list_compared_errors(found):
+        ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
+        told.append(f"{ranked} {_describe_test(entry)}")
+    # The errors of the first role in each group of each label
+    for said, entry in islice(_list_compared_errors(found), 1):
+        for label in sorted({label for given in groups.values() for label in given}):
+            members: dict[str, list[abc.Mapping[str, float]]] = {}
+            for subject in entry.compared.subjects:
+                group = groups[subject].get(label) or "not given"
+                members.setdefault(group, []).append(entry.values[subject])
+            if len(members) > 1:
+                means = {
+                    group: {method: sum(one[method] for one in of) / len(of) for method in of[0]}
+                    for group, of in members.items()
+                }
+                ranks = "; ".join(
+                    f"{group} ({len(of)}): {_rank(means[group])}" for group, of in members.items()
+                )
+                how = "Groups are described, not tested"
+                told.append(f"By {label}, kinematic error {said}, mm: {ranks}. {how}.")
+    lengths = [
+        (spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None
+    ]
+    differ = dict.fromkeys(name for name, test in lengths if test.significant)
+    told.extend(_tell_differences(len(lengths), ", ".join(differ), "segment length", ""))
+    # Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects
+    for reference, whose in ((IMAGED, "the image"), (TRUTH, "the truth")):
+        squares: dict[str, list[float]] = {}
+        for item in found.agreement:
+            if item.reference == reference and "." not in item.quantity:
+                squares.setdefault(item.method, []).append(item.rmse_mm**2)
+        if squares:
+            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
+            told.append(f"Lengths against {whose}, RMS in mm, nearest first: {_rank(rms)}.")
+    angles = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
+    moving = dict.fromkeys(name for name, test in angles if test.significant)
+    told.extend(_tell_differences(len(angles), "; ".join(moving), "joint angle", " in the gait cycle"))
     return [
-        *_describe_errors(found),
-        *_describe_groups(found, groups),
-        *_describe_lengths(found),
-        *_describe_nearest(found),
-        *_describe_angles(found),
+        *told,
         "A small error alone is no proof of a right model: look at the agreement with images, too.",
     ]
 
@@ -73,63 +107,11 @@ def _rank(values: abc.Mapping[str, float]) -> str:
     return ", ".join(f"{name} {values[name]:.1f}" for name in sorted(values, key=values.__getitem__))
 
 
-def _describe_errors(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    for said, entry in _list_compared_errors(found):
-        ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
-        yield f"{ranked} {_describe_test(entry)}"
-
-
-def _describe_groups(
-    found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
-) -> abc.Iterator[str]:
-    """The errors of the first role in each group of each label."""
-    for said, entry in islice(_list_compared_errors(found), 1):
-        for label in sorted({label for given in groups.values() for label in given}):
-            members: dict[str, list[abc.Mapping[str, float]]] = {}
-            for subject in entry.compared.subjects:
-                members.setdefault(groups[subject].get(label) or "not given", []).append(
-                    entry.values[subject]
-                )
-            if len(members) > 1:
-                means = {
-                    group: {method: sum(one[method] for one in of) / len(of) for method in of[0]}
-                    for group, of in members.items()
-                }
-                ranks = "; ".join(
-                    f"{group} ({len(of)}): {_rank(means[group])}" for group, of in members.items()
-                )
-                yield f"By {label}, kinematic error {said}, mm: {ranks}. Groups are described, not tested."
-
-
 def _describe_test(entry: documents.QuantityEntry) -> str:
     if entry.friedman is None:
         return f"Not tested: {entry.note}."
     said = "The methods differ" if entry.friedman.significant else "No difference between methods is found"
     return f"{said} (Friedman p {format_p(entry.friedman.p)})."
-
-
-def _describe_lengths(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    tests = [(spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    yield from _tell_differences(len(tests), ", ".join(differ), "segment length", "")
-
-
-def _describe_nearest(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    """Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects."""
-    for reference, said in ((IMAGED, "the image"), (TRUTH, "the truth")):
-        squares: dict[str, list[float]] = {}
-        for item in found.agreement:
-            if item.reference == reference and "." not in item.quantity:
-                squares.setdefault(item.method, []).append(item.rmse_mm**2)
-        if squares:
-            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
-            yield f"Lengths against {said}, RMS in mm, nearest first: {_rank(rms)}."
-
-
-def _describe_angles(found: documents.StatisticsDocument) -> abc.Iterator[str]:
-    tests = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    yield from _tell_differences(len(tests), "; ".join(differ), "joint angle", " in the gait cycle")
 
 
 def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> abc.Iterator[str]:
@@ -252,11 +234,18 @@ def batch(
     source, folder = Path(cohort), Path(out)
     writing.check_folder(folder)
     listed, notes = read_members(source)
-    read = [_load(row) for row in listed]
-    members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
+    members, subjects = [], []
+    for row in listed:
+        member = partial(cohort_outcomes.SubjectMember, file=row.file, shown=row.shown, groups=row.groups)
+        try:
+            found = load_subject(row.file)
+        except InputError as error:
+            members.append(member(name=row.shown, folder=folder, error=error))
+        else:
+            subjects.append(found)
+            members.append(member(name=found.id, folder=(folder / found.id).absolute(), force=force))
     readable = [member for member in members if member.error is None]
     saving.check_names(((m.name, m.shown, m.file) for m in readable), source)
-    subjects = [found for found in read if isinstance(found, Subject)]
     answers = [cohort_outcomes.select_possible_methods(subject, methods) for subject in subjects]
     if answers and not any(possible for possible, _ in answers):
         reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
@@ -266,7 +255,10 @@ def batch(
     if watcher is not None:
         watcher.start(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finish)
-    with _make_folder(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
+    with (
+        _make_folder(folder),
+        contextlib.nullcontext(executor) if executor else workers(count, listener) as chosen,
+    ):
         outcomes = cohort_outcomes.run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
     return replace(result, files=saving.save_cohort(result.document, outcomes, folder))
@@ -317,34 +309,14 @@ def explain_none_possible(
     )
 
 
-def _load(row: Listed) -> Subject | InputError:
-    try:
-        return load_subject(row.file)
-    except InputError as error:
-        return error
-
-
-def _make_member(
-    row: Listed, found: Subject | InputError, folder: Path, force: bool
-) -> cohort_outcomes.SubjectMember:
-    if isinstance(found, InputError):
-        return cohort_outcomes.SubjectMember(
-            name=row.shown, file=row.file, folder=folder, shown=row.shown, groups=row.groups, error=found
-        )
-    place = (folder / found.id).absolute()
-    return cohort_outcomes.SubjectMember(
-        name=found.id, file=row.file, folder=place, shown=row.shown, groups=row.groups, force=force
-    )
-
-
-@contextmanager
+@contextlib.contextmanager
 def _make_folder(folder: Path) -> abc.Iterator[None]:
     """The folder made before workers want to make it at the same time, and gone if nothing came into it."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
     except BaseException:
-        with suppress(OSError):  # something is in it: it stays
+        with contextlib.suppress(OSError):  # something is in it: it stays
             folder.rmdir()
         raise
 

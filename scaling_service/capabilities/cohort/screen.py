@@ -102,7 +102,9 @@ class Screen:
                 self._progress.remove_task(row)
             self._show_whole()
             if not self._terminal or outcome.status == "failed":
-                said = f"{self.ended} of {self.count}  {_format_line(outcome)}"
+                reason = f": {outcome.reason}" if outcome.reason else ""
+                took = f" in {outcome.wall_s:.1f} s" if outcome.status == "done" and not outcome.kept else ""
+                said = f"{self.ended} of {self.count}  {outcome.name} {outcome.status}{took}{reason}"
                 self._progress.console.print(said, markup=False, highlight=False, soft_wrap=True)
 
     def _show_whole(self) -> None:
@@ -114,12 +116,6 @@ class Screen:
                 completed=self.ended - self._kept + sum(self._shares.values()),
                 counted=f"{self.ended} of {self.count}",
             )
-
-
-def _format_line(outcome: Outcome) -> str:
-    reason = f": {outcome.reason}" if outcome.reason else ""
-    took = f" in {outcome.wall_s:.1f} s" if outcome.status == "done" and not outcome.kept else ""
-    return f"{outcome.name} {outcome.status}{took}{reason}"
 
 
 @contextmanager

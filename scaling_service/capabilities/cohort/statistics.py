@@ -63,6 +63,34 @@ def compute_cohort_statistics(
     present = tuple(m for m in methods if any(m in s.methods for s in ordered))
     curves = list(compare_curves(ordered, present, seed, settings.waveforms))
     compared = list(compare_with_references(ordered, present, settings.confidence))
+    # What joint angles were compared to, where it is not what the paper takes
+    if not curves:
+        references = ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
+    else:
+        used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
+        references = [
+            "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
+            if reference is None
+            else f"joint angles are compared with {reference}, because not every subject has EB_am"
+            for reference in used
+        ]
+    gate = []
+    for method in present:
+        passed = []
+        for s in ordered:
+            if method in s.methods:
+                of = s.methods[method]
+                seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
+                passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
+        gate.append(
+            documents.GateEntry(
+                method=method,
+                subjects=len(passed),
+                subjects_passed=sum(all(trials) for trials in passed),
+                trials=sum(len(trials) for trials in passed),
+                trials_passed=sum(sum(trials) for trials in passed),
+            )
+        )
     return documents.StatisticsDocument(
         **groups.compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
@@ -70,39 +98,10 @@ def compute_cohort_statistics(
         opensim_limits=documents.Gates(
             rms_below_mm=GATE_RMS_M * _MM,
             max_below_mm=GATE_MAX_M * _MM,
-            methods=[_make_gate(ordered, method) for method in present],
+            methods=gate,
         ),
-        notes=[*_describe_references(curves), *(a for a in compared if isinstance(a, str))],
+        notes=[*references, *(a for a in compared if isinstance(a, str))],
     )
-
-
-def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) -> documents.GateEntry:
-    passed = []
-    for s in subjects:
-        if method in s.methods:
-            of = s.methods[method]
-            seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
-            passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
-    return documents.GateEntry(
-        method=method,
-        subjects=len(passed),
-        subjects_passed=sum(all(trials) for trials in passed),
-        trials=sum(len(trials) for trials in passed),
-        trials_passed=sum(sum(trials) for trials in passed),
-    )
-
-
-def _describe_references(curves: abc.Sequence[documents.CurveEntry]) -> list[str]:
-    """What joint angles were compared to, where it is not what the paper takes."""
-    if not curves:
-        return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
-    used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
-    return [
-        "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
-        if reference is None
-        else f"joint angles are compared with {reference}, because not every subject has EB_am"
-        for reference in used
-    ]
 
 
 def compare_with_references(

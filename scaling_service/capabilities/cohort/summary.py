@@ -122,7 +122,16 @@ def _summarise_method(
     method, shape = scaling.calibration.method, scaling.geometry
     fitted = {trial.name for trial in session.calibration}
     moves_markers = any(p.group == "marker" for p in scaling.calibration.parameters)
-    metres, radians = ({}, {}) if truth is None else _from_truth(scaling, session, truth)
+    metres: dict[str, float] = {}
+    radians: Mapping[str, float] = {}
+    if truth is not None:
+        # Distances of one method from the truth, m and rad, as `demo` shows them
+        model = scaling.calibration.model
+        motions = [scaling.motions[name] for name in _select_judged_trials(session)]
+        lengths = [abs(gap) for gap in geometry.compute_length_errors(model, truth.model).values()]
+        centres = geometry.compute_centre_errors(model, motions, truth.model, truth.motions)
+        metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
+        radians = geometry.compute_angle_errors(motions, truth.model, truth.motions)
     return MethodSummary(
         lengths={n: v for n, v in shape.lengths.items() if imaged is None or n in imaged},
         trials={
@@ -178,15 +187,3 @@ def _express_centres(
     models: Mapping[str, tuple[body.BodyModel, Array]], reference: body.BodyModel, q: Array
 ) -> dict[str, dict[str, body.Vector]]:
     return {name: geometry.place_centres(model, own, reference, q) for name, (model, own) in models.items()}
-
-
-def _from_truth(
-    scaling: result.Scaling, session: Session, truth: Truth
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Distances of one method from the truth, m and rad, as ``demo`` shows them."""
-    model = scaling.calibration.model
-    motions = [scaling.motions[name] for name in _select_judged_trials(session)]
-    lengths = [abs(gap) for gap in geometry.compute_length_errors(model, truth.model).values()]
-    centres = geometry.compute_centre_errors(model, motions, truth.model, truth.motions)
-    metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
-    return metres, geometry.compute_angle_errors(motions, truth.model, truth.motions)

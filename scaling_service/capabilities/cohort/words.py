@@ -71,7 +71,16 @@ def make_screen_tables(found: documents.StatisticsDocument) -> abc.Iterator[tabl
     yield tables.Table(
         caption="The methods over subjects", columns=columns, rows=rows, note=describe_comparisons(everything)
     )
-    yield _tabulate_gates(found)
+    kept = [
+        tables.Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
+        for g in found.opensim_limits.methods
+    ]
+    yield tables.Table(
+        caption="OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
+        columns=["", "subjects that keep them", "trials that keep them"],
+        rows=kept,
+        note="Necessary, not sufficient: fitted numbers absorb errors.",
+    )
     if any(curve.anova is not None for curve in found.joint_angles):
         yield tabulate_curves(found.joint_angles)
 
@@ -152,16 +161,3 @@ def _describe_end(subject: documents.SubjectEntry) -> str:
     left_out = "; ".join(f"no {method}: {why}" for method, why in subject.left_out.items())
     kept = "kept from an earlier run" if subject.kept else ""
     return "; ".join(text for text in (subject.reason, left_out, kept) if text)
-
-
-def _tabulate_gates(found: documents.StatisticsDocument) -> tables.Table:
-    rows = [
-        tables.Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
-        for g in found.opensim_limits.methods
-    ]
-    return tables.Table(
-        caption="OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
-        columns=["", "subjects that keep them", "trials that keep them"],
-        rows=rows,
-        note="Necessary, not sufficient: fitted numbers absorb errors.",
-    )

@@ -139,7 +139,11 @@ def estimate_consistent(
         # RMS errors of markers and wrench over recordings, each counting alike
         markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
         history.append((float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))))
-        converged = len(history) > 1 and _has_settled(history[-2], history[-1], settings)
+        if len(history) > 1:
+            resolution = np.array([settings.force_resolution_n] * 3 + [settings.moment_resolution_nm] * 3)
+            (markers_before, wrench_before), (markers_now, wrench_now) = history[-2:]
+            settled = abs(markers_now - markers_before) < settings.marker_resolution_m
+            converged = bool(settled and (np.abs(wrench_now - wrench_before) < resolution).all())
     say("following the recordings with the model found")
     known: list[motion.ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_balance(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
@@ -215,11 +219,3 @@ def _measure_errors(
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
     wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
     return TrackedRecording(rated=rated, marker_rms_m=marker, wrench_rmse=wrench, gaps=gaps, weight=weight)
-
-
-def _has_settled(
-    before: tuple[float, Array], after: tuple[float, Array], settings: problems.ConsistentSettings
-) -> bool:
-    resolution = np.array([settings.force_resolution_n] * 3 + [settings.moment_resolution_nm] * 3)
-    markers = abs(after[0] - before[0]) < settings.marker_resolution_m
-    return bool(markers and (np.abs(after[1] - before[1]) < resolution).all())

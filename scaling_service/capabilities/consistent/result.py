@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
+from scaling_service.capabilities.consistent import estimate
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import ForceSettings
@@ -107,13 +107,13 @@ class ConsistentResults:
     settings: shared_settings.Settings
     recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
     fitted: int  # how many were fitted
-    result: ConsistentResult
+    result: estimate.ConsistentResult
     document: ConsistentDocument  # ``consistent.json``
     warnings: tuple[str, ...]
     wall_s: float = 0.0
 
     @property
-    def tracked(self) -> abc.Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
+    def tracked(self) -> abc.Iterator[tuple[ConsistentRecording, dict[str, estimate.TrackedRecording]]]:
         """Every recording, and how it is explained in each of the three ways."""
         for k, recording in enumerate(self.recordings):
             yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}

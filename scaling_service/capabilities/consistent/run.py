@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from scaling_service.capabilities.consistent import planar, result, words
-from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.estimate import estimate_consistent as identify
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
@@ -71,15 +69,21 @@ def consistent(
     prepared, recordings = ready.prepared, (*ready.fitted, *ready.held_out)
     warnings = tuple(dict.fromkeys((*prepared.warnings, *ready.notes, *found.inertial.warnings)))
     wall_s = time.perf_counter() - clock
-    trials = {
-        one.name: _make_trial(
-            prepared,
-            one,
-            {way: tracked[k] for way, tracked in found.ways.items()},
-            held_out=k >= len(ready.fitted),
+    trials = {}
+    for k, one in enumerate(recordings):
+        ways = {way: tracked[k] for way, tracked in found.ways.items()}
+        held_out = k >= len(ready.fitted)
+        forces = prepared.forces.get(one.name)
+        trials[one.name] = result.ConsistentTrial(
+            held_out=held_out,
+            forces_from=forces.source.name if forces is not None else one.name,
+            frames=int(one.known.sum()),
+            ground_wrench_rmse=result.WrenchErrors(
+                **{n: _make_wrench(w.wrench_rmse, one) for n, w in ways.items()}
+            ),
+            marker_rms_mm=result.MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
+            weight=ways["consistent"].weight,
         )
-        for k, one in enumerate(recordings)
-    }
     headline, tone = words.write_headline(trials.values())
     document = result.ConsistentDocument(
         headline=headline,
@@ -115,26 +119,6 @@ def consistent(
         document=document,
         warnings=warnings,
         wall_s=wall_s,
-    )
-
-
-def _make_trial(
-    prepared: start.Prepared,
-    recording: ConsistentRecording,
-    ways: Mapping[str, TrackedRecording],
-    *,
-    held_out: bool,
-) -> result.ConsistentTrial:
-    forces = prepared.forces.get(recording.name)
-    return result.ConsistentTrial(
-        held_out=held_out,
-        forces_from=forces.source.name if forces is not None else recording.name,
-        frames=int(recording.known.sum()),
-        ground_wrench_rmse=result.WrenchErrors(
-            **{n: _make_wrench(w.wrench_rmse, recording) for n, w in ways.items()}
-        ),
-        marker_rms_mm=result.MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
-        weight=ways["consistent"].weight,
     )
 
 

@@ -8,7 +8,6 @@ import shlex
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 from scaling_service.capabilities.datasets import catalogue, downloads
 from scaling_service.core import errors
@@ -148,7 +147,18 @@ def tabulate_image_markers(model: Path) -> str:
     ``model``: an ``.osim`` file of OpenSim 4, positions in m. Returns CSV with the columns
     ``marker,segment,x_mm,y_mm,z_mm``. Raises FileUnreadable: it holds no markers, or one without a place.
     """
-    rows = [_make_row(marker, model) for marker in parse_xml(model).iter("Marker")]
+    rows = []
+    for marker in parse_xml(model).iter("Marker"):
+        name = marker.get("name", "")
+        segment = (marker.findtext("socket_parent_frame") or "").strip().rpartition("/")[2]
+        try:
+            x, y, z = (float(word) for word in (marker.findtext("location") or "").split())
+        except ValueError:
+            raise errors.FileUnreadable(
+                "the marker has no place", file=model, field=name, remedy="Report this: it should"
+            ) from None
+        # 0.1 µm, as results are written; the model itself states no more than six digits.
+        rows.append((name, segment, *(f"{_MM * value:.4f}" for value in (x, y, z))))
     if not rows:
         raise errors.FileUnreadable("the model holds no markers", file=model, remedy="Report this: it should")
     text = io.StringIO()
@@ -156,19 +166,6 @@ def tabulate_image_markers(model: Path) -> str:
     table.writerow(COLUMNS)
     table.writerows(rows)
     return text.getvalue()
-
-
-def _make_row(marker: Element, model: Path) -> tuple[str, ...]:
-    name = marker.get("name", "")
-    segment = (marker.findtext("socket_parent_frame") or "").strip().rpartition("/")[2]
-    try:
-        x, y, z = (float(word) for word in (marker.findtext("location") or "").split())
-    except ValueError:
-        raise errors.FileUnreadable(
-            "the marker has no place", file=model, field=name, remedy="Report this: it should"
-        ) from None
-    # 0.1 µm, as results are written; the model itself states no more than six digits.
-    return name, segment, *(f"{_MM * value:.4f}" for value in (x, y, z))
 
 
 def write_source_note(name: str, dataset: catalogue.Dataset) -> str:

@@ -320,7 +320,22 @@ def write_verdict(
     elif whole:
         said.append(_judge_calibration(whole))
     left_out = (f"{name} is left out: {error.problem}." for name, error in refused.items())
-    return " ".join([*weight.sentences, *left_out, *said, _describe_gates(trials)])
+    broken = {
+        name: [
+            gate.name
+            for gate in found.residuals.gates
+            if gate.source == inverse_dynamics.HICKS and not gate.passed
+        ]
+        for name, found in trials.items()
+    }
+    failing = [name for name, limits in broken.items() if limits]
+    if not failing:
+        gates = "The residuals keep the limits of Hicks et al. 2015."
+    else:
+        worst = max(failing, key=lambda name: len(broken[name]))
+        most = list_few(broken[worst])
+        gates = f"The residuals break limits of Hicks et al. 2015 in {list_few(failing)} ({worst}: {most})."
+    return " ".join([*weight.sentences, *left_out, *said, gates])
 
 
 def _judge_calibration(trials: abc.Mapping[str, result.TrialDynamics]) -> str:
@@ -341,20 +356,3 @@ def _judge_calibration(trials: abc.Mapping[str, result.TrialDynamics]) -> str:
         f"Inertial parameters can be calibrated by {by}: there the residual stands above its uncertainty. "
         "Elsewhere the measurement's own uncertainty explains all of it."
     )
-
-
-def _describe_gates(trials: abc.Mapping[str, result.TrialDynamics]) -> str:
-    broken = {
-        name: [
-            gate.name
-            for gate in found.residuals.gates
-            if gate.source == inverse_dynamics.HICKS and not gate.passed
-        ]
-        for name, found in trials.items()
-    }
-    failing = [name for name, gates in broken.items() if gates]
-    if not failing:
-        return "The residuals keep the limits of Hicks et al. 2015."
-    worst = max(failing, key=lambda name: len(broken[name]))
-    limits = list_few(broken[worst])
-    return f"The residuals break limits of Hicks et al. 2015 in {list_few(failing)} ({worst}: {limits})."

@@ -84,7 +84,28 @@ def make_inertial_tables(
     moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
     if moved:
         largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
-        yield _tabulate_parameters(f"What moved by {_NOTED:g} prior SD or more", largest)
+        caption = f"What moved by {_NOTED:g} prior SD or more"
+        rows = [
+            tables.Row(
+                f"{p.segment} {p.quantity}, {p.unit}",
+                [
+                    f"{p.before:.4g}",
+                    f"{p.after:.4g}",
+                    f"{p.prior_sd:.2g}",
+                    f"{p.sd:.2g}",
+                    f"{p.moved:+.2f}",
+                    tables.Cell("yes", tone="good") if p.identifiable else tables.Cell("no", tone="unknown"),
+                ],
+            )
+            for p in largest
+        ]
+        yield tables.Table(
+            caption=caption,
+            columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
+            rows=rows,
+            note="Centres of mass in the segment's frame, moments of inertia about the centre of mass. "
+            "Determined: the recordings say more about this number alone than the tables do.",
+        )
 
 
 def write_inertial_headline(
@@ -106,30 +127,6 @@ def write_inertial_headline(
     better = ratio < 1.0
     how = f"{100 * abs(ratio - 1):.0f} % {'better' if better else 'worse'}"
     return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
-
-
-def _tabulate_parameters(caption: str, parameters: abc.Sequence[documents.InertialChange]) -> tables.Table:
-    rows = [
-        tables.Row(
-            f"{p.segment} {p.quantity}, {p.unit}",
-            [
-                f"{p.before:.4g}",
-                f"{p.after:.4g}",
-                f"{p.prior_sd:.2g}",
-                f"{p.sd:.2g}",
-                f"{p.moved:+.2f}",
-                tables.Cell("yes", tone="good") if p.identifiable else tables.Cell("no", tone="unknown"),
-            ],
-        )
-        for p in parameters
-    ]
-    return tables.Table(
-        caption=caption,
-        columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
-        rows=rows,
-        note="Centres of mass in the segment's frame, moments of inertia about the centre of mass. "
-        "Determined: the recordings say more about this number alone than the tables do.",
-    )
 
 
 def make_residual_tables(

@@ -201,7 +201,15 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
         case ".xml":
             return _read_xml(file)
         case ".osim":
-            return _read_osim(file)
+            if "<OpenSimDocument" not in _read_beginning(file):
+                problem = documents.ProblemEntry(
+                    severity="error",
+                    file=file.name,
+                    problem="it is no OpenSim model",
+                    remedy="Save the model again in OpenSim 4",
+                )
+                return InputFile(name=file.name, kind="model", why="a model, by its suffix", problem=problem)
+            return InputFile(name=file.name, kind="model", why="a model of OpenSim")
         case ".yaml" | ".yml" | ".json":
             return _read_subject(file)
     if suffix in _MESHES:
@@ -286,18 +294,6 @@ def _read_xml(file: Path) -> InputFile:
                 return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
             return InputFile(name=file.name, kind="setup", why="a marker set of OpenSim", content=place)
     return InputFile(name=file.name, kind="other", why="XML that is not used here")
-
-
-def _read_osim(file: Path) -> InputFile:
-    if "<OpenSimDocument" not in _read_beginning(file):
-        problem = documents.ProblemEntry(
-            severity="error",
-            file=file.name,
-            problem="it is no OpenSim model",
-            remedy="Save the model again in OpenSim 4",
-        )
-        return InputFile(name=file.name, kind="model", why="a model, by its suffix", problem=problem)
-    return InputFile(name=file.name, kind="model", why="a model of OpenSim")
 
 
 def _read_subject(file: Path) -> InputFile:

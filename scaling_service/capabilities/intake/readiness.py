@@ -167,7 +167,11 @@ def _measure(
 def _check_feet(model: BodyModel, markers: abc.Sequence[documents.MarkerProof]) -> documents.Need:
     """That the model has feet, and each shows the markers that tell which plate it stands on."""
     try:
-        bare = list(_list_bare_feet(model, markers))
+        bare = [
+            foot
+            for foot, segments in find_feet(model).items()
+            if sum(m.label is not None and m.segment in segments for m in markers) < FEWEST
+        ]
     except ModelRefused as error:
         return documents.Need(name="feet", there=False, text=error.problem, give="model")
     text = f"{list_few(bare)}: too few markers to tell the plate it stands on" if bare else "with markers"
@@ -186,9 +190,3 @@ def _check_whole_body(model: BodyModel, mass_kg: float | None) -> documents.Need
         text = f"{model.name} is {share:.0%} of a person, and the plates bear all of it"
         text += f"; to check the forces, choose {WHOLE}" if model.name in builtin.BUILTIN_NAMES else ""
     return documents.Need(name="whole body", there=there, text=text, give="model")
-
-
-def _list_bare_feet(model: BodyModel, markers: abc.Sequence[documents.MarkerProof]) -> abc.Iterator[str]:
-    for foot, segments in find_feet(model).items():
-        if sum(m.label is not None and m.segment in segments for m in markers) < FEWEST:
-            yield foot

@@ -297,7 +297,10 @@ def propose_subject(
             role.partition(".")[2]: files[0] for role, files in places.items() if role.startswith(f"{part}.")
         }
         if given and not content.get(part):
-            content[part] = given | ({"units": _find_unit(found, given.values())} if part == "bones" else {})
+            content[part] = given
+            if part == "bones":
+                units = [str(f.content) for f in found if f.name in given.values() and f.kind == "mesh"]
+                content[part] = given | {"units": max(units, key=units.count, default="mm")}
     if markers:
         content["markers"] = dict(markers)
     return content
@@ -306,11 +309,6 @@ def propose_subject(
 def order_keys(document: abc.Mapping[str, Any]) -> dict[str, Any]:
     """A subject document with its parts in the order in which they are described."""
     return {key: document[key] for key in subject.SubjectDocument.model_fields if key in document}
-
-
-def _find_unit(found: abc.Sequence[intake_files.InputFile], files: Any) -> str:
-    units = [str(f.content) for f in found if f.name in set(files) and f.kind == "mesh"]
-    return max(units, key=units.count, default="mm")
 
 
 def check_sizes(

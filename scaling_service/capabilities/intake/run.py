@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pydantic
 import yaml
-from pydantic import TypeAdapter, ValidationError
 
 from scaling_service.capabilities.intake import files as intake_files
 from scaling_service.capabilities.intake import markers as intake_markers
@@ -214,7 +214,7 @@ class _Look:
     def _correct_labels(self, item: intake_files.RecordingFile) -> intake_files.RecordingFile:
         """A recording with the labels put right that the document says are wrong."""
         try:
-            wanted = TypeAdapter(list[subjects.Correction]).validate_python(
+            wanted = pydantic.TypeAdapter(list[subjects.Correction]).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
@@ -226,7 +226,7 @@ class _Look:
             return replace(item, trial=trial, axes=axes)
         except errors.InputError as error:
             self.problems.append(intake_files.make_problem(error, file=item.file))
-        except ValidationError:
+        except pydantic.ValidationError:
             pass  # reported with all else that is wrong with the document
         return item
 

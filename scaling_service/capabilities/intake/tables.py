@@ -90,6 +90,20 @@ def check_recording(
             files.write(f"{item.file}.pressure", ground_forces.centre_of_pressure(), "m"),
             describe_plates(entries, ground_forces, trial, kinds),
         )
+    labels = []
+    for k in range(len(trial.labels)):
+        shown = find_seen(trial.markers[:, k])
+        gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
+        longest = max((last - first + 1 for first, last in gaps), default=0)
+        labels.append(
+            documents.LabelEntry(
+                label=trial.labels[k],
+                seen=round(float(shown.mean()), 4),
+                gaps=gaps,
+                longest_gap_s=round(longest / trial.rate_hz, 4),
+                computed=is_computed(trial.labels[k]),
+            )
+        )
     entry = documents.RecordingProof(
         name=trial.name,
         file=item.file,
@@ -101,7 +115,7 @@ def check_recording(
         axes=intake_files.make_axes_entry(item.axes, *given),
         walked_m=round(distance, 3),
         direction=direction,
-        labels=[_label(trial, k) for k in range(len(trial.labels))],
+        labels=labels,
         markers=files.write(f"{item.file}.markers", trial.markers, "m"),
         plates=plates,
         forces_from=None if ground is None or turned is None else ground.source,
@@ -126,19 +140,6 @@ def _turn(
         return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
         return None, [intake_files.make_problem(error, "warning", ground.source)]
-
-
-def _label(trial: Trial, column: int) -> documents.LabelEntry:
-    shown = find_seen(trial.markers[:, column])
-    gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
-    longest = max((last - first + 1 for first, last in gaps), default=0)
-    return documents.LabelEntry(
-        label=trial.labels[column],
-        seen=round(float(shown.mean()), 4),
-        gaps=gaps,
-        longest_gap_s=round(longest / trial.rate_hz, 4),
-        computed=is_computed(trial.labels[column]),
-    )
 
 
 def measure_walk(trial: Trial, axes: orientation.Orientation) -> float:
@@ -186,17 +187,32 @@ def describe_plates(
         near = [distance < NEAR_M for distance in away.values()]
         if entry.corners_m is not None:
             low, high = (f(np.asarray(entry.corners_m)[:, [0, 2]], axis=0) for f in (np.min, np.max))
-            near += [_is_over_plate(foot, low, high) for foot in feet.values()]
+            for foot in feet.values():
+                # Frames in which a marker of a foot is over a plate, between its ends along x and z, or
+                # beside it
+                with np.errstate(invalid="ignore"):
+                    beside = np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2))
+                near.append(np.asarray(beside.any(axis=1)))
             stands = {
                 side: stands[side] | _is_at_rest(foot, low, high, trial.rate_hz)
                 for side, foot in feet.items()
             }
         offset = _measure_offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
         loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
+        loads = []
+        if feet:
+            # Each contact with who makes it
+            for start, stop in find_runs(loaded):
+                if stop - start < BRIEF_S * trial.rate_hz:
+                    continue
+                who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or [
+                    "nobody"
+                ]
+                loads.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
         changes = {
             "kind": kinds[k] if k < len(kinds) else None,
             "centre_m": [round(float(v), 3) for v in place],
-            "loaded_by": _describe_loads(loaded, stands, trial) if feet else [],
+            "loaded_by": loads,
             "offset_N": offset,
         }
         described.append(entry.model_copy(update=changes))
@@ -209,13 +225,6 @@ def _measure_distance(foot: Array, centre: Array) -> Array:
     return np.asarray(np.where(np.isfinite(away), away, np.inf).min(axis=1))
 
 
-def _is_over_plate(foot: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Frames in which a marker of a foot is over a plate, between its ends along x and z, or beside it."""
-    with np.errstate(invalid="ignore"):
-        beside = np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2))
-    return np.asarray(beside.any(axis=1))
-
-
 def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray[np.bool_]:
     """Frames in which the middle of a foot is over a plate and hardly moves."""
     known = find_seen(foot)
@@ -225,19 +234,6 @@ def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray
         return np.asarray(over)
     speed = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate_hz
     return np.asarray(over & (speed < RESTS_M_S))
-
-
-def _describe_loads(
-    loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial
-) -> list[str]:
-    """Each contact with who makes it."""
-    contacts = []
-    for start, stop in find_runs(loaded):
-        if stop - start < BRIEF_S * trial.rate_hz:
-            continue
-        who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or ["nobody"]
-        contacts.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
-    return contacts
 
 
 def _measure_offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:

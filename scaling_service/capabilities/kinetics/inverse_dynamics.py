@@ -186,7 +186,22 @@ def compute_dynamics(
     """Joint forces and residual wrench of a motion whose rates are known; errors as above."""
     mechanism, p = inertia.compile_mechanism(model), list_parameter_values(model)
     rates = rated.rates
-    found = wrench.compute_inverse_dynamics(mechanism, rates, p, _convert_loads(model, rated, loads, trial))
+    if loads is None:
+        acting = None
+    else:
+        check_clock(loads, rated.times, trial)
+        unknown = [name for name in loads.segments if name not in model.segment_names]
+        if unknown:
+            raise errors.InputError(
+                f"a load acts on '{unknown[0]}', which is no segment of the model",
+                file=trial,
+                field=unknown[0],
+                remedy=f"Segments are {', '.join(model.segment_names)}",
+            )
+        rows = np.array([model.segment_names.index(name) for name in loads.segments], dtype=np.intp)
+        both = np.concatenate([loads.force, loads.moment], axis=2)
+        acting = wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))
+    found = wrench.compute_inverse_dynamics(mechanism, rates, p, acting)
     centres = tree.place_tree_markers(mechanism.tree, tree.pose_links(mechanism.tree, rates.q, p))
     masses = mechanism.inertias.mass
     centre = np.einsum("k,kan->na", masses / masses.sum(), centres)
@@ -215,25 +230,6 @@ def in_model_order(model: BodyModel, motion: Motion) -> Array:
             remedy=f"Give a motion of the model '{model.name}'",
         )
     return motion.q[:, [motion.coordinates.index(name) for name in model.coordinate_names]]
-
-
-def _convert_loads(
-    model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None, trial: str
-) -> wrench.Loads | None:
-    if loads is None:
-        return None
-    check_clock(loads, rated.times, trial)
-    unknown = [name for name in loads.segments if name not in model.segment_names]
-    if unknown:
-        raise errors.InputError(
-            f"a load acts on '{unknown[0]}', which is no segment of the model",
-            file=trial,
-            field=unknown[0],
-            remedy=f"Segments are {', '.join(model.segment_names)}",
-        )
-    rows = np.array([model.segment_names.index(name) for name in loads.segments], dtype=np.intp)
-    both = np.concatenate([loads.force, loads.moment], axis=2)
-    return wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))
 
 
 def find_judged_frames(

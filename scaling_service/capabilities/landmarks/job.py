@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+import pydantic
 
 from scaling_service.capabilities.landmarks.result import LandmarksDocument
 from scaling_service.capabilities.shared import job
@@ -20,15 +20,17 @@ from scaling_service.documents import base
 class LandmarksRequest(job.OfOneSubject):
     """Find joint centres, axes and bony landmarks on surfaces of bones."""
 
-    bones: dict[str, str] | None = Field(
+    bones: dict[str, str] | None = pydantic.Field(
         default=None,
         description=f"Of {', '.join(BONE_NAMES)} to an uploaded mesh's name, or segmentation to that of a "
         "label map; the subject's unless given.",
         examples=[{"femur_r": "femur_r.stl"}],
     )
-    units: Literal["mm", "cm", "m", "detect"] = Field(default="detect", description="Unit of all meshes.")
+    units: Literal["mm", "cm", "m", "detect"] = pydantic.Field(
+        default="detect", description="Unit of all meshes."
+    )
 
-    @field_validator("bones")
+    @pydantic.field_validator("bones")
     @classmethod
     def _known(cls, bones: dict[str, str] | None) -> dict[str, str] | None:
         for bone in bones or ():

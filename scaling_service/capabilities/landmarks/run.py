@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections import abc
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from scaling_service.bones import images, results, whole
 from scaling_service.capabilities.landmarks import result as documents
+from scaling_service.capabilities.subject.reading import hash_file
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing
@@ -54,7 +54,7 @@ def landmark_bones(
         code_version=writing.code_version(),
         settings={"units": imaged.unit, "units_from": "size" if units == DETECT else "given"},
         input_hashes={
-            file.name: _digest(file) for path in bones.values() for file in images.list_files_of(path)
+            file.name: hash_file(file) for path in bones.values() for file in images.list_files_of(path)
         },
         warnings=list(notes),
         wall_s=round(time.perf_counter() - began, 3),
@@ -79,11 +79,6 @@ def _ask_whether_joined(found: abc.Mapping[str, results.BoneLandmarks]) -> tuple
         return whole.check_joined(found)
     except results.MeshRefused as error:
         return (f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:

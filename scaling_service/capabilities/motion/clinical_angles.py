@@ -241,7 +241,14 @@ def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAn
     unknown = np.full((len(motion.times), 3), np.nan)
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
     way = pelvis[np.isfinite(pelvis).all(axis=1)]
-    heading = _find_heading(way, _find_axis_faced(sides["r"].get("pelvis_internal_rotation")))
+    # The axis of the laboratory nearest to where a pelvis faces, rad from x; x where that is not known.
+    rotation = sides["r"].get("pelvis_internal_rotation")
+    known = np.zeros(0) if rotation is None else rotation[np.isfinite(rotation)]
+    if not len(known):
+        faced = 0.0
+    else:
+        faced = float(np.round(np.angle(np.exp(1j * known).mean()) / (np.pi / 2.0)) * (np.pi / 2.0))
+    heading = _find_heading(way, faced)
     free = {}
     for side, angles in sides.items():
         # Without turns that the model's knee cannot make: they say nothing of the person.
@@ -365,14 +372,6 @@ def _find_heading(way: Array, otherwise: float = 0.0) -> float:
     """Where a way over the floor leads, (n, 3), m, from its first to its last point."""
     gone = way[-1] - way[0] if len(way) else np.zeros(3)
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
-
-
-def _find_axis_faced(rotation: Array | None) -> float:
-    """The axis of the laboratory nearest to where a pelvis faces, rad from x; x where that is not known."""
-    known = np.zeros(0) if rotation is None else rotation[np.isfinite(rotation)]
-    if not len(known):
-        return 0.0
-    return float(np.round(np.angle(np.exp(1j * known).mean()) / (np.pi / 2.0)) * (np.pi / 2.0))
 
 
 def _measure_range(angle: Array) -> float:

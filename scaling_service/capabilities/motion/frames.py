@@ -5,9 +5,9 @@ See :mod:`.mounting`, which decides.
 
 from __future__ import annotations
 
+import itertools
 from collections import abc
 from dataclasses import dataclass, replace
-from itertools import permutations, product
 
 import numpy as np
 
@@ -28,8 +28,8 @@ HEADING = "heading"
 _HEADINGS_DEG = 30.0  # chosen: step of the headings that are tried; steps of Gauss-Newton go on from the best
 _SHAPES = tuple(
     turn
-    for order in permutations(range(3))
-    for signs in product((1.0, -1.0), repeat=3)
+    for order in itertools.permutations(range(3))
+    for signs in itertools.product((1.0, -1.0), repeat=3)
     if np.linalg.det(turn := np.diag(signs)[list(order)]) > 0.0
 )
 """The 24 ways to name the axes of a frame."""

@@ -249,6 +249,14 @@ def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Mot
     names = task.model.coordinate_names
     # Tips of directions say by how much a rotation is missed; they are no markers.
     points = np.array([not task.model.marker(name).is_direction for name in task.markers], dtype=bool)
+    # How far each measured rotation is from the model's, (n_frames,), rad; see `motion/mounting.py`.
+    turns: list[tuple[str, Array]] = []
+    own = [name for name in task.markers if task.model.marker(name).is_direction]
+    for label in dict.fromkeys(name.rpartition("@")[0] for name in own):
+        tips = [k for k, name in enumerate(task.markers) if name in own and name.rpartition("@")[0] == label]
+        arm = float(np.linalg.norm(task.model.marker(task.markers[tips[0]]).nominal))
+        gap = np.linalg.norm(residual[:, tips].reshape(len(residual), -1), axis=1)
+        turns.append((label, 2.0 * np.arcsin(np.minimum(gap / (np.sqrt(8.0) * arm), 1.0))))
     return Motion(
         trial=trial.name,
         times=trial.times,
@@ -256,19 +264,9 @@ def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Mot
         q=q,
         markers=tuple(name for name, point in zip(task.markers, points, strict=True) if point),
         residuals=residual[:, points],
-        turns=dict(_measure_turns(task, residual)),
+        turns=dict(turns),
         estimated=tuple(
             n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free
         ),
         iterations=int(solution.steps.max(initial=0)),
     )
-
-
-def _measure_turns(task: Task, residual: Array) -> abc.Iterator[tuple[str, Array]]:
-    """How far each measured rotation is from the model's, (n_frames,), rad; see ``motion/mounting.py``."""
-    own = [name for name in task.markers if task.model.marker(name).is_direction]
-    for label in dict.fromkeys(name.rpartition("@")[0] for name in own):
-        tips = [k for k, name in enumerate(task.markers) if name in own and name.rpartition("@")[0] == label]
-        arm = float(np.linalg.norm(task.model.marker(task.markers[tips[0]]).nominal))
-        gap = np.linalg.norm(residual[:, tips].reshape(len(residual), -1), axis=1)
-        yield label, 2.0 * np.arcsin(np.minimum(gap / (np.sqrt(8.0) * arm), 1.0))

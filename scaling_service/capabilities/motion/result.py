@@ -186,6 +186,24 @@ def make_trial_document(tracked: TrackedTrial, model: body.BodyModel) -> Tracked
     """One trial's part of ``ik.json``."""
     motion, spread = tracked.motion, tracked.uncertainty
     error = tracked.error
+    summary: list[tuple[str, CoordinateSummary]] = []
+    kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
+    for k, name in enumerate(motion.coordinates):
+        known = motion.q[:, k][np.isfinite(motion.q[:, k])]
+        if name not in kinds or name not in motion.estimated or not len(known):
+            continue
+        unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
+        sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
+        summary.append(
+            (
+                name,
+                CoordinateSummary(
+                    mean=round(float(unit * known.mean()), 4),
+                    mean_sd=round(sd, 4) if np.isfinite(sd) else None,
+                    range=round(float(unit * np.ptp(known)), 4),
+                ),
+            )
+        )
     return TrackedTrialDocument(
         kinematic_error_mm=KinematicErrorDocument(
             mean=_to_mm_or_none(error.mean),
@@ -209,28 +227,8 @@ def make_trial_document(tracked: TrackedTrial, model: body.BodyModel) -> Tracked
             if np.isfinite(angles).any()
         },
         frames=len(motion.times),
-        summary=dict(_summarise(motion, spread, model)),
+        summary=dict(summary),
     )
-
-
-def _summarise(
-    motion: Motion, spread: uncertainties.CoordinateSd, model: body.BodyModel
-) -> abc.Iterator[tuple[str, CoordinateSummary]]:
-    kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
-    for k, name in enumerate(motion.coordinates):
-        known = motion.q[:, k][np.isfinite(motion.q[:, k])]
-        if name not in kinds or name not in motion.estimated or not len(known):
-            continue
-        unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
-        sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
-        yield (
-            name,
-            CoordinateSummary(
-                mean=round(float(unit * known.mean()), 4),
-                mean_sd=round(sd, 4) if np.isfinite(sd) else None,
-                range=round(float(unit * np.ptp(known)), 4),
-            ),
-        )
 
 
 def _count_undetermined(names: abc.Sequence[str], counts: abc.Sequence[int]) -> dict[str, int]:

@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.motion import clinical_angles, inverse_kinematics
+from scaling_service.capabilities.motion import clinical_angles, inverse_kinematics, result
 from scaling_service.capabilities.motion import everyday as ordinary
 from scaling_service.capabilities.motion import kinematic_error as kinematic_errors
 from scaling_service.capabilities.motion import uncertainty as uncertainties
 from scaling_service.capabilities.motion.beside_markers import join_recordings
 from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.result import Tracked, TrackedTrial
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import loading
@@ -51,7 +50,7 @@ def ik(
     subject: str = "",
     subject_file: Path | None = None,
     progress: Progress | None = None,
-) -> Tracked:
+) -> result.Tracked:
     """Follow recordings with a model that exists.
 
     Parameters
@@ -118,9 +117,27 @@ def ik(
                 remedy="Results are named by it: leave one out, or rename one",
             )
         by_stem[file.stem] = file
+    name = str(model)
+    if marker_set is not None and not name.lower().endswith(".osim"):
+        raise InputError(
+            f"a marker set belongs to .osim models only, and the model is '{name}'",
+            field="marker_set",
+            remedy="Leave it out, or give the path of an .osim file",
+        )
+    if name.lower().endswith(MODEL_SUFFIXES):
+        place = str(Path(name).absolute())
+    else:
+        if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
+            raise InputError(
+                f"'{name}' is no model",
+                field="model",
+                remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or "
+                "a model.json",
+            )
+        place = name
     places = subjects.Subject(
         id=subject,
-        model=_name_model(model, marker_set),
+        model=place,
         marker_set=None if marker_set is None else Path(marker_set),
         marker_map=dict(options.markers),
         static=None if standing is None else Path(standing).absolute(),
@@ -144,10 +161,10 @@ def ik(
             own = session.model if mounted is None or trial.rotations is None else mounted.model
             found[trial.name] = track(own, trial, skin=not options.bone_pins, angles=options.angles)
     report("done", 1.0)
-    return Tracked(loaded, found, options, time.perf_counter() - clock)
+    return result.Tracked(loaded, found, options, time.perf_counter() - clock)
 
 
-def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = False) -> TrackedTrial:
+def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = False) -> result.TrackedTrial:
     """Track one trial, in the session's axes and with the model's marker names.
 
     ``skin``: whether standard deviations hold what skin does over the bone. ``angles``: whether to give the
@@ -180,7 +197,7 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
 
 def follow_rotations(
     model: BodyModel, session: subjects.Session, *, turned: bool
-) -> tuple[dict[str, TrackedTrial], tuple[Note, ...]]:
+) -> tuple[dict[str, result.TrackedTrial], tuple[Note, ...]]:
     """A session's recordings of rotations as a scaled model follows them, and what to tell of their mounting.
 
     ``turned``: whether the session's axes are those of the sensors' world.
@@ -203,13 +220,13 @@ def _gather(
     motion: Motion,
     uncertainty: uncertainties.CoordinateSd,
     names: abc.Sequence[tuple[str, str]],
-) -> TrackedTrial:
+) -> result.TrackedTrial:
     """``names``: side and angle of what ``uncertainty`` has combined."""
     error = kinematic_errors.kinematic_error(motion, model)
     if uncertainty.combined is None:
-        return TrackedTrial(motion, uncertainty, error)
+        return result.TrackedTrial(motion, uncertainty, error)
     sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
-    return TrackedTrial(
+    return result.TrackedTrial(
         motion, uncertainty, error, replace(clinical_angles.compute_clinical_angles(model, motion), sd=sd)
     )
 
@@ -225,22 +242,3 @@ def _without_subject_file() -> abc.Iterator[None]:
                 "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
             ).partition("; or say in the subject file")[0]
         raise
-
-
-def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
-    name = str(model)
-    if marker_set is not None and not name.lower().endswith(".osim"):
-        raise InputError(
-            f"a marker set belongs to .osim models only, and the model is '{name}'",
-            field="marker_set",
-            remedy="Leave it out, or give the path of an .osim file",
-        )
-    if name.lower().endswith(MODEL_SUFFIXES):
-        return str(Path(name).absolute())
-    if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
-        raise InputError(
-            f"'{name}' is no model",
-            field="model",
-            remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or a model.json",
-        )
-    return name

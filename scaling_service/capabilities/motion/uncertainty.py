@@ -75,7 +75,26 @@ def list_skin_fields(task: Task) -> abc.Iterator[SkinField]:
         names = [task.markers[k] for k in rows]
         places = np.array([model.marker(name).nominal for name in names])
         skin = cover_with_skin(model.bone_of(segment), people, told, names, places, 1.0)
-        level = _measure_deformation(places, task.measured[:, rows], skin) ** people.recorded_share
+        # How much more a cluster deforms than expected, as a ratio of lengths; one where nothing shows
+        # it. `places` (m, 3), `measured` (n, m, 3), m; `skin` (3 m, 3 m): covariance of displacements.
+        measured = task.measured[:, rows]
+        count = len(places)
+        whole = np.flatnonzero(np.isfinite(measured).all(axis=(1, 2)))
+        some = measured[whole[np.linspace(0, len(whole) - 1, min(len(whole), _FRAMES)).astype(np.intp)]]
+        rotation, shift = fit_rigid(places, some)
+        known = np.isfinite(shift).all(axis=1)
+        turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
+        rigid = np.concatenate([np.tile(np.eye(3), (count, 1)), turns.reshape(-1, 3)], axis=1)
+        free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
+        expected = float(np.trace(free @ skin))
+        if count < 3 or not known.any() or expected <= 0.0:
+            deformation = 1.0
+        else:
+            left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
+            deformation = max(
+                float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected)), _LEAST_DEFORMATION
+            )
+        level = deformation**people.recorded_share
         yield SkinField(rows, level**2 * skin)
 
 
@@ -94,26 +113,6 @@ def cover_with_skin(
     covariance = people.skin_covariance(bone, [told.get(name) for name in markers], places, share)
     moves = np.repeat([not is_pin(name) for name in markers], 3)
     return covariance * np.outer(moves, moves)
-
-
-def _measure_deformation(places: Array, measured: Array, skin: Array) -> float:
-    """How much more a cluster deforms than expected, as a ratio of lengths; one where nothing shows it.
-
-    ``places`` (m, 3), ``measured`` (n, m, 3), m; ``skin`` (3 m, 3 m): covariance of displacements.
-    """
-    count = len(places)
-    whole = np.flatnonzero(np.isfinite(measured).all(axis=(1, 2)))
-    some = measured[whole[np.linspace(0, len(whole) - 1, min(len(whole), _FRAMES)).astype(np.intp)]]
-    rotation, shift = fit_rigid(places, some)
-    known = np.isfinite(shift).all(axis=1)
-    turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
-    rigid = np.concatenate([np.tile(np.eye(3), (count, 1)), turns.reshape(-1, 3)], axis=1)
-    free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
-    expected = float(np.trace(free @ skin))
-    if count < 3 or not known.any() or expected <= 0.0:
-        return 1.0
-    left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
-    return max(float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected)), _LEAST_DEFORMATION)
 
 
 Mask = NDArray[np.bool_]

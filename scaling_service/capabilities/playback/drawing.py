@@ -85,7 +85,11 @@ def to_glb(meshes: abc.Mapping[str, trimesh.Trimesh]) -> bytes:
 
 def _list_points(model: body.BodyModel, segment: str) -> Array:
     """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
-    joints = np.stack([np.zeros(3), *_list_joints(model, segment)])
+    frames = poses.pose_neutral_frames(model)
+    R, origin = frames[segment]
+    children = [(frames[child.name][1] - origin) @ R for child in model.children(segment)]
+    centres = [np.array(at) for where, at in lengths.find_joint_centres(model).values() if where == segment]
+    joints = np.stack([np.zeros(3), *children, *centres])
     ends = find_ends(joints)
     if ends is not None:
         return ends
@@ -109,14 +113,6 @@ def find_ends(joints: Array) -> Array | None:
     one, other = np.unravel_index(int(apart.argmax()), apart.shape)
     nearest = np.minimum(apart[one], apart[other])
     return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
-
-
-def _list_joints(model: body.BodyModel, segment: str) -> abc.Iterator[Array]:
-    frames = poses.pose_neutral_frames(model)
-    R, origin = frames[segment]
-    for child in model.children(segment):
-        yield (frames[child.name][1] - origin) @ R
-    yield from (np.array(at) for where, at in lengths.find_joint_centres(model).values() if where == segment)
 
 
 def make_simple_shape(points: Array) -> trimesh.Trimesh | None:

@@ -207,7 +207,12 @@ def compute_clinical_gait(
     of_held_out = bool(cycles)
     if not cycles:
         cycles = _cut_cycles(recordings, [trial for trial in followed if trial.name in fitted])
-    return ClinicalGait(recordings, cycles, of_held_out, "" if cycles else _describe_reason(followed))
+    why = ""
+    if not cycles and not followed:
+        why = "no movement was recorded"
+    elif not cycles:
+        why = explain_no_cycles(followed) or "no whole stride is followed"
+    return ClinicalGait(recordings, cycles, of_held_out, why)
 
 
 def _cut_cycles(
@@ -220,12 +225,6 @@ def _cut_cycles(
         for side in frames.SIDES
     }
     return {side: cycles for side, cycles in found.items() if cycles is not None}
-
-
-def _describe_reason(trials: abc.Sequence[Trial]) -> str:
-    if not trials:
-        return "no movement was recorded"
-    return explain_no_cycles(trials) or "no whole stride is followed"
 
 
 def write_clinical(folder: Path, gait: ClinicalGait) -> None:
@@ -292,17 +291,19 @@ def _to_degrees(angle: float) -> float:
 
 def list_gait_angles() -> list[GaitAngleWord]:
     """All angles that a gait laboratory reads: their names for people, and what is usual, deg."""
-    return [_describe_gait_angle(name) for name in frames.ANGLES if name in frames.WAYS]
-
-
-def _describe_gait_angle(name: str) -> GaitAngleWord:
-    title, negative, positive = frames.WAYS[name]
-    usual = read_schwartz2008().bands.get(name)
-    return GaitAngleWord(
-        name=name,
-        title=title,
-        negative=negative,
-        positive=positive,
-        usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
-        usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
-    )
+    found = []
+    for name in frames.ANGLES:
+        if name in frames.WAYS:
+            title, negative, positive = frames.WAYS[name]
+            usual = read_schwartz2008().bands.get(name)
+            found.append(
+                GaitAngleWord(
+                    name=name,
+                    title=title,
+                    negative=negative,
+                    positive=positive,
+                    usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
+                    usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
+                )
+            )
+    return found

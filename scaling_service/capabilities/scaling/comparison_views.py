@@ -148,23 +148,24 @@ def view_joint_angles(results: Results, document: documents.ComparisonDocument) 
 
 def _make_angle(curves: abc.Mapping[str, Array]) -> AngleEntry:
     known = {name: curve[np.isfinite(curve)] for name, curve in curves.items()}
+    pairs = []
+    for a, b in itertools.combinations(curves, 2):
+        # The difference of two curves over the frames in which both are known
+        apart = curves[a] - curves[b]
+        both = apart[np.isfinite(apart)]
+        pairs.append(
+            AngleDifference(
+                methods=(a, b),
+                frames=both.size,
+                rms_deg=_number(np.sqrt(np.mean(both**2))) if both.size else None,
+                mean_deg=_number(both.mean()) if both.size else None,
+                largest_deg=_number(np.abs(both).max()) if both.size else None,
+            )
+        )
     return AngleEntry(
         mean_deg={name: _number(curve.mean()) if curve.size else None for name, curve in known.items()},
         range_deg={name: _number(np.ptp(curve)) if curve.size else None for name, curve in known.items()},
-        pairs=[_pair(a, b, curves) for a, b in itertools.combinations(curves, 2)],
-    )
-
-
-def _pair(first: str, second: str, curves: abc.Mapping[str, Array]) -> AngleDifference:
-    """The difference of two curves over the frames in which both are known."""
-    apart = curves[first] - curves[second]
-    known = apart[np.isfinite(apart)]
-    return AngleDifference(
-        methods=(first, second),
-        frames=known.size,
-        rms_deg=_number(np.sqrt(np.mean(known**2))) if known.size else None,
-        mean_deg=_number(known.mean()) if known.size else None,
-        largest_deg=_number(np.abs(known).max()) if known.size else None,
+        pairs=pairs,
     )
 
 

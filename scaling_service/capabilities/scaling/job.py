@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+import pydantic
 
 from scaling_service.capabilities.scaling import comparison_views
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
@@ -23,13 +23,13 @@ _COMPUTING, _WRITING = 0.6, 0.95
 """Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest
 is what is played back."""
 
-ChosenMethods = Annotated[list[str] | None, AfterValidator(names.check_methods)]
+ChosenMethods = Annotated[list[str] | None, pydantic.AfterValidator(names.check_methods)]
 
 
 class ScalingRequest(job.OfRecordings, ComparisonOptions):
     """Scale a subject's model by one or several methods and compare them."""
 
-    methods: ChosenMethods = Field(
+    methods: ChosenMethods = pydantic.Field(
         default=None,
         description=f"Of {', '.join(names.list_method_names())}; all that the recordings allow unless given.",
         examples=[["MB", "MB_am"]],
@@ -57,7 +57,7 @@ class JointAnglesRequest(ScalingRequest):
 class LinearRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model in closed form: from marker distances, or from images."""
 
-    method: Literal["MB", "EB"] = Field(
+    method: Literal["MB", "EB"] = pydantic.Field(
         default="MB", description="MB from marker distances, EB from bones.", examples=["MB"]
     )
 
@@ -65,7 +65,7 @@ class LinearRequest(job.OfRecordings, ScaleOptions):
 class OptimisedRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model by optimisation over its calibration trials."""
 
-    method: str = Field(
+    method: str = pydantic.Field(
         default="MB_am",
         description="What is free, and what it starts from.",
         examples=["MB_am"],

@@ -245,6 +245,12 @@ def _gather_method_evidence(
             frame, column = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
             time, away = float(motion.times[frame]), float(distances[frame, column])
             found.append(evidence.Moment(motion.markers[column], trial, time, away))
+    # Joint angle to its root mean square deviation over trials, rad
+    trials = held_out or fitted
+    known: dict[str, list[float]] = {}
+    for trial in trials:
+        for name, sd in scaling.angle_sds.get(trial, {}).items():
+            known.setdefault(name, []).append(sd)
     return evidence.MethodEvidence(
         method=calibration.method,
         from_images=METHODS[calibration.method].needs_images,
@@ -259,19 +265,8 @@ def _gather_method_evidence(
             if size.dimension in shape.lengths
         },
         centre_sds={name: math.hypot(*centre.sd) for name, centre in calibration.centres.items()},
-        angle_sds=_average_sds(scaling.angle_sds, held_out or fitted),
+        angle_sds={name: float(np.sqrt(np.mean(np.square(values)))) for name, values in known.items()},
         by_people=()
         if posterior is None
         else tuple(p.name for p in parameters if p.group in ("length", "centre") and not p.identifiable),
     )
-
-
-def _average_sds(
-    sds: abc.Mapping[str, abc.Mapping[str, float]], trials: abc.Sequence[str]
-) -> dict[str, float]:
-    """Joint angle to its root mean square deviation over trials, rad."""
-    known: dict[str, list[float]] = {}
-    for trial in trials:
-        for name, sd in sds.get(trial, {}).items():
-            known.setdefault(name, []).append(sd)
-    return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in known.items()}

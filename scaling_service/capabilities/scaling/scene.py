@@ -34,31 +34,52 @@ def write_results_scene(
     recorded = []
     for trial in session.dynamic:
         forces, corners = _prepare_ground(results, trial)
+        played = []
+        for name, scaling in results.scalings.items():
+            motion, model = scaling.motions[trial.name], scaling.calibration.model
+            played.append(
+                scene.Played(
+                    body=name,
+                    model=model,
+                    q=motion.q,
+                    markers=motion.markers,
+                    distances=motion.distances,
+                    estimated=frozenset(motion.estimated),
+                )
+            )
         recorded.append(
             scene.Recorded(
                 trial=trial,
                 role="evaluation" if trial.name in results.held_out else "calibration",
-                played=tuple(
-                    _play_recording(name, scaling, trial) for name, scaling in results.scalings.items()
-                ),
+                played=tuple(played),
                 forces=forces,
                 corners=corners,
             )
         )
+    reference = next(iter(results.scalings))
+    found = curves.make_gait_curves(results, reference)
     return scene.write_scene(
-        session.subject.id, bodies, recorded, _make_gait(results), outputs, detail.most_frames
-    )
-
-
-def _play_recording(name: str, scaling: result.Scaling, trial: Trial) -> scene.Played:
-    motion, model = scaling.motions[trial.name], scaling.calibration.model
-    return scene.Played(
-        body=name,
-        model=model,
-        q=motion.q,
-        markers=motion.markers,
-        distances=motion.distances,
-        estimated=frozenset(motion.estimated),
+        session.subject.id,
+        bodies,
+        recorded,
+        document.GaitScene(
+            trials=list(found.trials),
+            held_out=found.held_out,
+            reason=found.reason,
+            reference=reference,
+            angles={
+                curve.name: document.CycleScene(
+                    **curve.describe(3),
+                    pairs={
+                        name: document.TestEntry(**curves.describe_test(pair))
+                        for name, pair in curve.pairs.items()
+                    },
+                )
+                for curve in found.curves
+            },
+        ),
+        outputs,
+        detail.most_frames,
     )
 
 
@@ -79,24 +100,3 @@ def _prepare_ground(results: result.Results, trial: Trial) -> tuple[GroundForces
         return orient_forces(axes, compute_ground_forces(plates)), corners
     except InputError:
         return None, None
-
-
-def _make_gait(results: result.Results) -> document.GaitScene:
-    reference = next(iter(results.scalings))
-    found = curves.make_gait_curves(results, reference)
-    return document.GaitScene(
-        trials=list(found.trials),
-        held_out=found.held_out,
-        reason=found.reason,
-        reference=reference,
-        angles={
-            curve.name: document.CycleScene(
-                **curve.describe(3),
-                pairs={
-                    name: document.TestEntry(**curves.describe_test(pair))
-                    for name, pair in curve.pairs.items()
-                },
-            )
-            for curve in found.curves
-        },
-    )

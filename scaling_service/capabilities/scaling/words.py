@@ -58,9 +58,11 @@ def make_comparison_tables(document: results.ComparisonDocument) -> abc.Iterator
 def tabulate_errors(methods: Methods) -> tables.Table:
     """Kinematic errors of all trials, and their means."""
     of = methods.values()
+    served = {"evaluation": "held out", "calibration": "used to fit"}
+    roles = {trial: served[e.role] for m in of for trial, e in m.kinematic_error_mm.items()}
     rows = [
         tables.Row(f"{trial} ({role})", [_format_error(m.kinematic_error_mm.get(trial)) for m in of])
-        for trial, role in _list_roles(methods).items()
+        for trial, role in sorted(roles.items(), key=lambda item: item[1])  # held-out ones first
     ]
     errors = [list(m.kinematic_error_mm.values()) for m in of]
     if any(e.tracking_mean is not None for own in errors for e in own):
@@ -169,13 +171,6 @@ def _make_table(
     more: abc.Sequence[str] = (),
 ) -> tables.Table:
     return tables.Table(caption=caption, columns=["", *methods, *more], rows=rows, note=note)
-
-
-def _list_roles(methods: Methods) -> dict[str, str]:
-    """Trial to what it served for, held-out ones first."""
-    words_of = {"evaluation": "held out", "calibration": "used to fit"}
-    found = {t: words_of[e.role] for m in methods.values() for t, e in m.kinematic_error_mm.items()}
-    return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
 def _format_error(error: results.TrialError | None) -> str:

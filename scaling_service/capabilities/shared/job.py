@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from pydantic import BaseModel, Field
+import pydantic
 
 from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.core.options import Options
@@ -57,7 +57,7 @@ class JobRequest(Options):
 class OfOneSubject(JobRequest):
     """A request that concerns one subject."""
 
-    subject: Identifier = Field(description="Name of the subject, as uploaded.", examples=["S01"])
+    subject: Identifier = pydantic.Field(description="Name of the subject, as uploaded.", examples=["S01"])
 
     @property
     def subjects(self) -> tuple[str, ...]:
@@ -68,7 +68,7 @@ class OfOneSubject(JobRequest):
 class OfRecordings(OfOneSubject):
     """A request that rests on all files of a subject's document."""
 
-    settings: shared_settings.Settings = Field(
+    settings: shared_settings.Settings = pydantic.Field(
         default=shared_settings.Settings(), description="How recordings are processed and models fitted."
     )
 
@@ -80,11 +80,11 @@ class OfRecordings(OfOneSubject):
 class OfForces(OfRecordings):
     """A request that rests on recordings with forces."""
 
-    subject: Identifier = Field(
+    subject: Identifier = pydantic.Field(
         description="Name of the subject, as uploaded: a model with feet, and recordings with forces.",
         examples=["S02"],
     )
-    settings: shared_settings.Settings = Field(
+    settings: shared_settings.Settings = pydantic.Field(
         default=shared_settings.UNSMOOTHED, description="How recordings are processed and models fitted."
     )
 
@@ -109,7 +109,7 @@ class Kind:
     request: type[JobRequest]  # what is asked for; its fields are the body over HTTP
     work: Work  # can be named from another process; it runs there, and imports what computes there
     route: str | None  # where it is asked for over HTTP, below the version; None: it is a part of others only
-    result: type[BaseModel] | None = None  # what the result follows
+    result: type[pydantic.BaseModel] | None = None  # what the result follows
     parts: Parts | None = None
     """Where it is made of others. Its work then sees the subjects' documents, but not their files."""
     brief: bool = False

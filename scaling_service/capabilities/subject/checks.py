@@ -258,7 +258,11 @@ def _tell_unseen(
             hint="map them under `markers:` to use them",
         )
     absent = [name for name in missing if find_canonical(name) not in landmarks]
-    replaced = {name: found for name in absent if (found := _find_stand_in(name, landmarks)) is not None}
+    replaced: dict[str, str] = {}
+    for name in absent:
+        others = [other for other in _STANDS_IN.get(find_canonical(name) or "", ()) if other in landmarks]
+        if others:
+            replaced[name] = others[0]
     if replaced:
         stand_ins = list_few(list(dict.fromkeys(replaced.values())))
         yield notes.Note(
@@ -292,8 +296,3 @@ def _tell_unseen(
                 problem=f"{list_few(empty)} labelled, but never seen",
                 remedy="Label them in the recording if they matter; they are not used",
             )
-
-
-def _find_stand_in(name: str, landmarks: abc.Container[str | None]) -> str | None:
-    others = _STANDS_IN.get(find_canonical(name) or "", ())
-    return next((other for other in others if other in landmarks), None)

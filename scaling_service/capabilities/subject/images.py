@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from scaling_service.bones import images, results, whole
 from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
@@ -41,39 +39,36 @@ def gather_images(
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise results.MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
     bones = {find_body(model, name) or name: trial.Bone(*shape) for name, shape in imaged.meshes.items()}
-    evidence = whole.collect_evidence(found, _read_image_markers(subject, model), bones)
-    notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
+    # Image markers under the model's names, those on segments that the model has
+    if subject.image_markers is None:
+        markers = {}
+    else:
+        seen = read_image_markers(subject.image_markers)
+        wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
+        explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
+        names = match_labels(list(seen), wanted, explicit).mapped
+        placed = {marker: seen[label] for marker, label in names.items()}
+        markers = {
+            marker: (segment, at)
+            for marker, (bone, at) in placed.items()
+            if (segment := find_body(model, bone) or bone) in model.segment_names
+        }
+    evidence = whole.collect_evidence(found, markers, bones)
+    notes: list[Note] = []
+    for name, bone in found.items():
+        notes.extend(Note(code="bone", place=name, problem=text) for text in bone.warnings)
+        notes.extend(
+            Note(
+                code="landmark_refused",
+                place=name,
+                problem=f"{point} was not taken: {why}",
+                remedy="Look at the surface of the bone there; without the point, the others are used",
+            )
+            for point, why in bone.refused.items()
+        )
     return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
 
 
 def takes_bones(subject: Subject) -> bool:
     """Whether bones can be used with the subject's model."""
     return subject.model in BUILTIN_NAMES or subject.model.lower().endswith(".osim")
-
-
-def _tell_bone(name: str, bone: results.BoneLandmarks) -> Iterator[Note]:
-    for text in bone.warnings:
-        yield Note(code="bone", place=name, problem=text)
-    for point, why in bone.refused.items():
-        yield Note(
-            code="landmark_refused",
-            place=name,
-            problem=f"{point} was not taken: {why}",
-            remedy="Look at the surface of the bone there; without the point, the others are used",
-        )
-
-
-def _read_image_markers(subject: Subject, model: body.BodyModel) -> dict[str, tuple[str, body.Vector]]:
-    """Image markers under the model's names, those on segments that the model has."""
-    if subject.image_markers is None:
-        return {}
-    seen = read_image_markers(subject.image_markers)
-    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
-    explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
-    names = match_labels(list(seen), wanted, explicit).mapped
-    placed = {marker: seen[label] for marker, label in names.items()}
-    return {
-        marker: (segment, at)
-        for marker, (bone, at) in placed.items()
-        if (segment := find_body(model, bone) or bone) in model.segment_names
-    }

@@ -41,15 +41,6 @@ from scaling_service.recording.settings import ProcessingSettings
 _NOTHING: abc.Mapping[Path, recording.Recording] = MappingProxyType({})
 
 
-def _tell_lying(vertical: int) -> Note:
-    said = (
-        f"the model stands along its {'xyz'[vertical]} axis, and motions are written with y up: lengths are "
-        "its own, but in other programs these motions lie down; `scaling-service ik` on the written model "
-        "follows in its own axes"
-    )
-    return Note(code="lying", problem=said)
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Loaded:
     """A session, and how its labels and axes were understood.
@@ -229,7 +220,14 @@ def understand(
         vertical=read.vertical,
     )
     axes = orientations.stand_along(axes, read.vertical) if standing else axes
-    lies = not standing and read.vertical != 1
+    of_axes: tuple[Note, ...] = ()
+    if not standing and read.vertical != 1:
+        said = (
+            f"the model stands along its {'xyz'[read.vertical]} axis, and motions are written with y up: "
+            "lengths are its own, but in other programs these motions lie down; `scaling-service ik` on the "
+            "written model follows in its own axes"
+        )
+        of_axes = (Note(code="lying", problem=said),)
     return Understood(
         subject=subject,
         model=model,
@@ -243,7 +241,7 @@ def understand(
         clusters=labels.sort_by_segment(model, subject),
         axes=axes,
         plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
-        notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
+        notes=(*read.notes, *of_axes, *of_tracking),
     )
 
 

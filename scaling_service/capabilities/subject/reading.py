@@ -235,27 +235,28 @@ def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict
     """
     folder = None if subject_file is None else subject_file.resolve().parent
     found: dict[str, str] = {}
-    for path in _list_inputs(subject, subject_file):
+    inputs: list[Path] = []
+    if subject_file is not None:
+        inputs.append(subject_file.resolve())
+    if subject.model.lower().endswith(subjects.MODEL_SUFFIXES):
+        inputs.append(Path(subject.model))
+    inputs.extend(
+        p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None
+    )
+    inputs.extend(list_recordings(subject))
+    inputs.extend(subject.forces.values())
+    for bone in subject.bones.values():
+        inputs.extend(list_files_of(bone))
+        inputs.extend(table for name in list_tables(bone.name) if (table := bone.with_name(name)).is_file())
+    for path in inputs:
         place = Path(os.path.abspath(path))  # noqa: PTH100 (links keep their names, ".." goes)
         inside = folder is not None and place.is_relative_to(folder)
         name = place.relative_to(folder).as_posix() if inside and folder is not None else str(place)
-        found[name] = _digest(path)
+        found[name] = hash_file(path)
     return found
 
 
-def _list_inputs(subject: Subject, subject_file: Path | None) -> abc.Iterator[Path]:
-    if subject_file is not None:
-        yield subject_file.resolve()
-    if subject.model.lower().endswith(subjects.MODEL_SUFFIXES):
-        yield Path(subject.model)
-    yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
-    yield from list_recordings(subject)
-    yield from subject.forces.values()
-    for path in subject.bones.values():
-        yield from list_files_of(path)
-        yield from (table for name in list_tables(path.name) if (table := path.with_name(name)).is_file())
-
-
-def _digest(path: Path) -> str:
+def hash_file(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

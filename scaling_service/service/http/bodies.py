@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, ParamSpec, TypeVar
 
+import pydantic
 from fastapi import Request
-from pydantic import BaseModel, ValidationError
 
 from scaling_service.documents.reading import MAX_BYTES
 from scaling_service.service.http import problems
@@ -20,7 +20,7 @@ from scaling_service.service.store.errors import TooLarge
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Model = TypeVar("Model", bound=BaseModel)
+Model = TypeVar("Model", bound=pydantic.BaseModel)
 
 SILENCE_S = 60.0
 """Without a byte for so long, a client is taken for gone. Chosen: longer than networks pause."""
@@ -45,7 +45,7 @@ async def read_model(model: type[Model], request: Request, remedy: str) -> Model
     content = await read_json(request)
     try:
         return model.model_validate(content)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         raise RequestInvalid.of(error, remedy) from None
 
 

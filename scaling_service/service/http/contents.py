@@ -15,7 +15,7 @@ from pathlib import PurePosixPath
 from typing import IO, Any, BinaryIO, cast
 from urllib.parse import quote, unquote
 
-from fastapi import APIRouter, Request, Response
+import fastapi
 
 from scaling_service.documents import service as contracts
 from scaling_service.service.http import bodies, callers, problems
@@ -25,7 +25,7 @@ from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.tables import FileRow
 
-router = APIRouter(prefix="/v1/links", tags=["jobs"])
+router = fastapi.APIRouter(prefix="/v1/links", tags=["jobs"])
 
 DOCUMENTS = (contracts.LinkRequest,)
 EXAMPLE: dict[str, Any] = {"path": f"/v1/jobs/{'0' * 64}/files.zip"}
@@ -55,7 +55,7 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """Of every entry of an archive: the first moment that the format knows, so that archives are reproducible."""
 
 
-def is_cached(request: Request, tag: str) -> bool:
+def is_cached(request: fastapi.Request, tag: str) -> bool:
     """Whether the client has the version of this entity tag already."""
     given = request.headers.get("if-none-match", "")
     known = {one.strip().removeprefix("W/") for one in given.split(",")}
@@ -68,12 +68,12 @@ def make_cache_headers(version: object) -> dict[str, str]:
 
 
 def answer_unless_cached(
-    request: Request, version: object, answer: abc.Callable[[dict[str, str]], Response]
-) -> Response:
+    request: fastapi.Request, version: object, answer: abc.Callable[[dict[str, str]], fastapi.Response]
+) -> fastapi.Response:
     """The answer, made with its headers, or 304 for a client that has this version."""
     headers = make_cache_headers(version)
     if is_cached(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
+        return fastapi.Response(status_code=304, headers=headers)
     return answer(headers)
 
 
@@ -86,11 +86,11 @@ def describe_file_responses(schema: dict[str, str]) -> problems.Responses:
     }
 
 
-def send_stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
+def send_stored_file(request: fastapi.Request, blobs: Blobs, file: FileRow) -> fastapi.Response:
     """A stored file as an answer, or the range of it that is asked for."""
     headers = make_cache_headers(file.sha256)
     if is_cached(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
+        return fastapi.Response(status_code=304, headers=headers)
     same = request.headers.get("if-range", headers["ETag"]) == headers["ETag"]
     part = parse_range(request.headers.get("range") if same else None, file.size)
     opened = blobs.open(file.sha256)
@@ -181,7 +181,9 @@ def zip_files(files: abc.Sequence[FileRow], opened: abc.Callable[[str], BinaryIO
     responses=problems.describe_refusals(400, 408, 413, 415, 507),
     openapi_extra=describe_json_body(EXAMPLE, contracts.LinkRequest),
 )
-async def make_link(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> contracts.Link:
+async def make_link(
+    request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.Link:
     """Make a link to a file that works without a key, for a minute or for as long as is said.
 
     Browsers send no key when they open a link or stream a download to the disk, and a colleague has none.

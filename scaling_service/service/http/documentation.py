@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from collections import abc
-from functools import cache, partial
 from html import escape
 from typing import Any
 
-from fastapi import APIRouter, FastAPI, Request
+import fastapi
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 from markdown_it import MarkdownIt
@@ -18,7 +18,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaMode, models_json
 
 from scaling_service.service.jobs.kinds import Kind
 
-router = APIRouter(include_in_schema=False)
+router = fastapi.APIRouter(include_in_schema=False)
 
 _STYLE = """
 :root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 20%, transparent); }
@@ -72,7 +72,7 @@ class _Schema(GenerateJsonSchema):
 
 
 def install(
-    app: FastAPI,
+    app: fastapi.FastAPI,
     kinds: abc.Mapping[str, Kind],
     bodies: abc.Iterable[type[BaseModel]],
     answers: abc.Iterable[type[BaseModel]],
@@ -82,12 +82,12 @@ def install(
     What is asked of the kinds of jobs and what they find is described, and the models of bodies and answers
     that no route's signature tells of.
     """
-    made = partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
-    app.openapi = cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
+    made = functools.partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
+    app.openapi = functools.cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
 
 
 def _make_document(
-    app: FastAPI,
+    app: fastapi.FastAPI,
     kinds: abc.Mapping[str, Kind],
     bodies: abc.Iterable[type[BaseModel]],
     answers: abc.Iterable[type[BaseModel]],
@@ -126,7 +126,7 @@ def _make_document(
 
 
 @router.get("/docs", response_class=HTMLResponse)
-async def docs(request: Request) -> HTMLResponse:
+async def docs(request: fastapi.Request) -> HTMLResponse:
     """Show all routes."""
     content = render(request.app.openapi(), str(request.base_url).rstrip("/"))
     return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY})
@@ -144,28 +144,28 @@ def render(document: abc.Mapping[str, Any], server: str) -> str:
 
 def describe(document: abc.Mapping[str, Any], server: str) -> str:
     """Describe every route of an OpenAPI document in Markdown, each with a command that can be pasted."""
+    routes: list[str] = []
+    for tag, title in _TITLES.items():
+        routes.append(f"## {title}")
+        for path, operations in document["paths"].items():
+            for method, operation in operations.items():
+                if tag in operation.get("tags", ()):
+                    routes.append(f"### {method.upper()} {path}")
+                    routes.append(re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip()))
+                    routes.append(_list_fields(operation, document["components"]["schemas"]))
+                    routes.append(
+                        f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
+                    )
+                    routes.append(_list_answers(operation["responses"]))
     return "\n\n".join(
         [
             "# The HTTP interface",
             document["info"]["description"],
             "`/openapi.json` is the same for programs. Where the service has keys, add "
             "`-H 'Authorization: Bearer KEY'` to every command.",
-            *_describe_routes(document, server),
+            *routes,
         ]
     )
-
-
-def _describe_routes(document: abc.Mapping[str, Any], server: str) -> abc.Iterator[str]:
-    for tag, title in _TITLES.items():
-        yield f"## {title}"
-        for path, operations in document["paths"].items():
-            for method, operation in operations.items():
-                if tag in operation.get("tags", ()):
-                    yield f"### {method.upper()} {path}"
-                    yield re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip())
-                    yield _list_fields(operation, document["components"]["schemas"])
-                    yield f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
-                    yield _list_answers(operation["responses"])
 
 
 def _list_fields(operation: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:
@@ -175,14 +175,13 @@ def _list_fields(operation: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any
     if body is not None:
         named = body["schema"].get("$ref") or body["schema"]["anyOf"][0]["$ref"]
         properties = schemas[named.rpartition("/")[2]]["properties"]
-        fields |= {name: _say(field, schemas) for name, field in properties.items()}
+        meanings = {}
+        for name, field in properties.items():
+            # What a field means: its own words, else those of what it holds.
+            held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
+            meanings[name] = str(field.get("description") or held.get("description", ""))
+        fields |= meanings
     return "\n".join(f"- `{name}`{f': {said}' if said else ''}" for name, said in fields.items())
-
-
-def _say(field: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:
-    """What a field means: its own words, else those of what it holds."""
-    held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
-    return str(field.get("description") or held.get("description", ""))
 
 
 def _list_answers(answers: abc.Mapping[str, abc.Mapping[str, Any]]) -> str:

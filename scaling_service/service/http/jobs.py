@@ -13,7 +13,7 @@ from collections import abc
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Query, Request, Response
+import fastapi
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
@@ -26,7 +26,7 @@ from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.store import errors
 from scaling_service.service.store.tables import JobRow
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = fastapi.APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 _EVENT: dict[str, Any] = {
     "type": "object",
@@ -43,20 +43,20 @@ LOOK_S = 0.25  # between two looks at the job. Chosen: faster than a person read
 QUIET_S = 15.0
 """A comment is sent after so long without news. Chosen: well under the minute of usual proxies."""
 
-JobId = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="The job's id.")]
+JobId = Annotated[str, fastapi.Path(pattern="^[0-9a-f]{64}$", description="The job's id.")]
 _Kind = Annotated[
-    str | None, Query(pattern=r"^[a-z0-9\-]*$", max_length=100, description="Only jobs of this kind.")
+    str | None, fastapi.Query(pattern=r"^[a-z0-9\-]*$", max_length=100, description="Only jobs of this kind.")
 ]
 _Subject = Annotated[
     str | None,
-    Query(
+    fastapi.Query(
         pattern=r"^[\p{L}\p{N}_ .\-]*$",
         max_length=100,
         description="Only jobs that rest on this subject's data.",
     ),
 ]
 _Seen = Annotated[
-    str | None, Header(alias="Last-Event-ID", max_length=30, description="The last event that came.")
+    str | None, fastapi.Header(alias="Last-Event-ID", max_length=30, description="The last event that came.")
 ]
 
 
@@ -109,7 +109,9 @@ def list_jobs(
     response_model=contracts.JobDocument,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_job(job: JobId, request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
+def get_job(
+    job: JobId, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> fastapi.Response:
     """Look at a job."""
     row = service.job(owner, job)
     return contents.answer_unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
@@ -122,17 +124,17 @@ def get_job(job: JobId, request: Request, owner: callers.Owner, service: callers
     response_description="It was not over and is being cancelled",
     responses=describe_refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
-def delete_job(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> Response:
+def delete_job(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> fastapi.Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""
     if service.job(owner, job).state.is_over:
         service.delete_job(owner, job)
-        return Response(status_code=HTTPStatus.NO_CONTENT)
+        return fastapi.Response(status_code=HTTPStatus.NO_CONTENT)
     return _answer(service.cancel(owner, job), HTTPStatus.ACCEPTED)
 
 
 @router.get(
     "/{job}/events",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {
         200: {
@@ -145,16 +147,16 @@ def delete_job(job: JobId, owner: callers.Owner, service: callers.ServiceDep) ->
 )
 async def get_events(
     job: JobId,
-    request: Request,
+    request: fastapi.Request,
     owner: callers.Owner,
     service: callers.ServiceDep,
     last_event_id: _Seen = None,
-) -> Response:
+) -> fastapi.Response:
     """Follow a job's progress as server-sent events; ids are revisions of the job."""
     row = await run_in_threadpool(service.job, owner, job)
     seen = int(last_event_id) if last_event_id is not None and last_event_id.isdecimal() else -1
     if row.state.is_over and row.revision <= seen:
-        return Response(status_code=HTTPStatus.NO_CONTENT)
+        return fastapi.Response(status_code=HTTPStatus.NO_CONTENT)
 
     async def look() -> contracts.JobDocument:
         return as_document(await run_in_threadpool(service.job, owner, job))
@@ -170,21 +172,23 @@ async def get_events(
 
 @router.get(
     "/{job}/result",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {
         200: {"description": "The result", "content": {"application/json": {"schema": documentation.RESULT}}},
         304: {"description": "Unchanged"},
     },
 )
-def get_result(job: JobId, request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
+def get_result(
+    job: JobId, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> fastapi.Response:
     """Fetch the result of a job that is done; what it holds depends on the job's kind."""
     row, text = service.job(owner, job), service.result(owner, job)
     if text is None:
         raise _report_no_result(row)
     version = f"{job[:16]}-{row.attempt}"
     return contents.answer_unless_cached(
-        request, version, lambda h: Response(text, headers=h, media_type="application/json")
+        request, version, lambda h: fastapi.Response(text, headers=h, media_type="application/json")
     )
 
 
@@ -206,12 +210,12 @@ def list_files(job: JobId, owner: callers.Owner, service: callers.ServiceDep) ->
 
 @router.get(
     "/{job}/files.zip",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
     dependencies=streams.BOUNDED,
 )
-def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> Response:
+def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> fastapi.Response:
     """Download all that a job made as one zip."""
     row, files = service.job(owner, job), service.files(owner, job)
     if not files:
@@ -227,17 +231,17 @@ def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -
 
 @router.get(
     "/{job}/files/{path:path}",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=contents.describe_file_responses({"type": "string"}),
     dependencies=streams.BOUNDED,
 )
 def get_file(
     job: JobId,
-    path: Annotated[str, Path(max_length=512)],
-    request: Request,
+    path: Annotated[str, fastapi.Path(max_length=512)],
+    request: fastapi.Request,
     owner: callers.Owner,
     service: callers.ServiceDep,
-) -> Response:
+) -> fastapi.Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.file(owner, job, path)
     return contents.send_stored_file(request, service.store.blobs, row)
@@ -253,9 +257,9 @@ def _report_no_result(row: JobRow) -> errors.NotFound:
     return errors.NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
 
 
-def make_submission_routes(kinds: abc.Mapping[str, Kind]) -> APIRouter:
+def make_submission_routes(kinds: abc.Mapping[str, Kind]) -> fastapi.APIRouter:
     """The routes that ask for jobs, one for each kind that can be asked for by itself."""
-    router = APIRouter(prefix="/v1", tags=["asking"])
+    router = fastapi.APIRouter(prefix="/v1", tags=["asking"])
     for name, kind in kinds.items():
         if kind.route is None:
             continue
@@ -285,8 +289,10 @@ def make_example(model: type[BaseModel]) -> dict[str, Any]:
 
 def _make_submission(
     kind: str,
-) -> abc.Callable[[Request, callers.Owner, callers.ServiceDep], abc.Awaitable[Response]]:
-    async def ask(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
+) -> abc.Callable[[fastapi.Request, callers.Owner, callers.ServiceDep], abc.Awaitable[fastapi.Response]]:
+    async def ask(
+        request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+    ) -> fastapi.Response:
         asked = await bodies.read_json(request)
         row, _ = await bodies.in_writer_thread(service.ask, owner, kind, asked)
         status = HTTPStatus.OK if row.state is State.DONE else HTTPStatus.ACCEPTED

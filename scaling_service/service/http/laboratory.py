@@ -7,7 +7,7 @@ from functools import cache
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+import fastapi
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
@@ -16,7 +16,6 @@ from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents import service as contracts
 from scaling_service.model import builtin
-from scaling_service.model.body import BodyModel
 from scaling_service.service.http import bodies, callers
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
@@ -25,7 +24,7 @@ from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import MarkerMapRow
 from scaling_service.virtual import example
 
-router = APIRouter(prefix="/v1", tags=["subjects"])
+router = fastapi.APIRouter(prefix="/v1", tags=["subjects"])
 
 DOCUMENTS = (contracts.MarkerMap,)  # what a map of labels follows
 
@@ -33,7 +32,7 @@ EXAMPLE: dict[str, Any] = {"labels": {"RKN": "RLFE", "LKN": "LLFE"}}
 
 _FEET = {"calcn_r", "calcn_l"}  # segments that the ground's forces act on
 
-Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
+Persons = Annotated[int, fastapi.Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
 
 
 @router.post(
@@ -43,7 +42,7 @@ Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than o
     | {200: {"model": contracts.ExampleList, "description": "They were there"}},
 )
 async def put_examples(
-    request: Request, response: Response, owner: callers.Owner, persons: Persons = 1
+    request: fastapi.Request, response: fastapi.Response, owner: callers.Owner, persons: Persons = 1
 ) -> contracts.ExampleList:
     """Put the built-in example among the caller's subjects.
 
@@ -74,7 +73,7 @@ def get_marker_map(owner: callers.Owner, service: callers.ServiceDep) -> contrac
     openapi_extra=describe_json_body(EXAMPLE, contracts.MarkerMap),
 )
 async def put_marker_map(
-    request: Request, owner: callers.Owner, service: callers.ServiceDep
+    request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
 ) -> contracts.MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.
 
@@ -96,8 +95,32 @@ def _make_document(row: MarkerMapRow | None) -> contracts.MarkerMapDocument:
 @cache
 def list_vocabulary() -> contracts.Vocabulary:
     """All names that come with the product."""
+    hidden_in_example = []
+    for one in (example.SLIDING, example.SWAPPED):
+        trials = () if one.trial is None else (one.trial,)
+        sizes = {name: QuantityDocument(value=value, sd=None) for name, value in one.parameters.items()}
+        hidden_in_example.append(describe_effect(one.kind, one.where, one.driver, trials, sizes))
+    models = []
+    for name in builtin.BUILTIN_NAMES:
+        model = builtin.load_builtin(name)
+        models.append(
+            contracts.ModelWord(
+                name=model.name,
+                segments=list(model.segment_names),
+                markers=[
+                    contracts.MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
+                    for m in model.markers
+                    if m.weight > 0.0
+                ],
+                coordinates=[
+                    contracts.CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
+                    for c in model.coordinates
+                ],
+                feet=set(model.segment_names) >= _FEET,
+            )
+        )
     return contracts.Vocabulary(
-        models=[_describe_model(builtin.load_builtin(name)) for name in builtin.BUILTIN_NAMES],
+        models=models,
         methods=[
             contracts.MethodWord(
                 name=name,
@@ -109,28 +132,5 @@ def list_vocabulary() -> contracts.Vocabulary:
         ],
         bones=list(BONES),
         gait_angles=list_gait_angles(),
-        hidden_in_example=[_write_sentence(one) for one in (example.SLIDING, example.SWAPPED)],
-    )
-
-
-def _write_sentence(hidden: example.Hidden) -> str:
-    trials = () if hidden.trial is None else (hidden.trial,)
-    sizes = {name: QuantityDocument(value=value, sd=None) for name, value in hidden.parameters.items()}
-    return describe_effect(hidden.kind, hidden.where, hidden.driver, trials, sizes)
-
-
-def _describe_model(model: BodyModel) -> contracts.ModelWord:
-    return contracts.ModelWord(
-        name=model.name,
-        segments=list(model.segment_names),
-        markers=[
-            contracts.MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
-            for m in model.markers
-            if m.weight > 0.0
-        ],
-        coordinates=[
-            contracts.CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
-            for c in model.coordinates
-        ],
-        feet=set(model.segment_names) >= _FEET,
+        hidden_in_example=hidden_in_example,
     )

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+import fastapi
 from prometheus_client import (
     CONTENT_TYPE_LATEST,
     CollectorRegistry,
@@ -30,7 +30,7 @@ from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import code_places
 
 log = logging.getLogger(__name__)
-router = APIRouter(tags=["monitoring"])
+router = fastapi.APIRouter(tags=["monitoring"])
 
 FRESH_S = 1.0  # a check or a count is not repeated sooner. Chosen: whoever asks often costs nothing.
 
@@ -65,7 +65,7 @@ async def health() -> dict[str, str]:
 
 
 @router.get("/ready", responses=_ANSWER | problems.describe_refusals())
-def ready(request: Request) -> dict[str, str]:
+def ready(request: fastapi.Request) -> dict[str, str]:
     """Say whether database and disk answer, so that requests can be taken."""
     request.app.state.recent.check()
     return {"status": "ready"}
@@ -73,14 +73,16 @@ def ready(request: Request) -> dict[str, str]:
 
 @router.get(
     "/metrics",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=problems.describe_refusals()
     | {200: {"description": "Figures", "content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
-def metrics(request: Request, _owner: callers.Owner, _service: callers.ServiceDep) -> Response:
+def metrics(
+    request: fastapi.Request, _owner: callers.Owner, _service: callers.ServiceDep
+) -> fastapi.Response:
     """Give figures in Prometheus' text format."""
     registry: CollectorRegistry = request.app.state.registry
-    return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+    return fastapi.Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 class Recent:

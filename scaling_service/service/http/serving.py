@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import resource
 import signal
@@ -10,7 +11,6 @@ import socket
 import ssl
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from types import FrameType
 
 import h11
@@ -47,7 +47,7 @@ def serve(settings: jobs_settings.ServiceSettings) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _ENOUGH_FILES if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH_FILES)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
-    with closing(Service.open(settings)) as service:
+    with contextlib.closing(Service.open(settings)) as service:
         refuse_exposed(service)
         with _listen(settings) as listener:
             log_as_json()
@@ -98,7 +98,7 @@ def _check_tls(settings: jobs_settings.ServiceSettings) -> None:
         ) from None
 
 
-@contextmanager
+@contextlib.contextmanager
 def _listen(settings: jobs_settings.ServiceSettings) -> Iterator[socket.socket]:
     try:
         family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
@@ -127,7 +127,7 @@ class Server(uvicorn.Server):
         super().__init__(config)
         self._ready = ready
 
-    @contextmanager
+    @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         """Handle the signals that mean the end."""
         before = {

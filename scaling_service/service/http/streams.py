@@ -7,7 +7,7 @@ from collections import Counter, abc
 from contextlib import contextmanager
 from typing import Any
 
-from fastapi import Depends, Request
+import fastapi
 from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
@@ -40,14 +40,14 @@ class Streams:
                 del self._open[owner]
 
 
-async def _hold_stream(request: Request, owner: Owner) -> abc.AsyncIterator[None]:
+async def _hold_stream(request: fastapi.Request, owner: Owner) -> abc.AsyncIterator[None]:
     """Ends when the answer was sent or the client is gone (FastAPI 0.118)."""
     streams: Streams = request.app.state.streams
     with streams.hold(owner):
         yield
 
 
-BOUNDED = [Depends(_hold_stream)]  # dependencies of a route that lasts
+BOUNDED = [fastapi.Depends(_hold_stream)]  # dependencies of a route that lasts
 
 
 class BoundedResponse(StreamingResponse):

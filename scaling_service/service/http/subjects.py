@@ -8,7 +8,7 @@ from http import HTTPStatus
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Path, Query, Request, Response
+import fastapi
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -23,21 +23,25 @@ from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store import tables
 from scaling_service.service.store.errors import TooLarge
 
-router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
+router = fastapi.APIRouter(prefix="/v1/subjects", tags=["subjects"])
 
 Named = Annotated[
-    str, Path(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100, description="The subject's id.")
+    str,
+    fastapi.Path(
+        pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100, description="The subject's id."
+    ),
 ]
 FileName = Annotated[
     str,
-    Path(
+    fastapi.Path(
         pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .()+=@,\-]{0,199}$", description="A plain name without folders."
     ),
 ]
 Cursor = Annotated[
-    str | None, Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before.")
+    str | None,
+    fastapi.Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before."),
 ]
-Size = Annotated[int, Query(ge=1, le=tables.LARGEST, description="Entries of a page.")]
+Size = Annotated[int, fastapi.Query(ge=1, le=tables.LARGEST, description="Entries of a page.")]
 
 EXAMPLE: dict[str, Any] = {
     "subject": {"id": "S01", "sex": "F", "height_m": 1.70, "mass_kg": 62.0},
@@ -59,7 +63,7 @@ _BYTES = {"type": "string", "format": "binary"}
     openapi_extra=describe_json_body(EXAMPLE, *DOCUMENTS),
 )
 async def put_subject(
-    request: Request, response: Response, owner: callers.Owner, service: callers.ServiceDep
+    request: fastapi.Request, response: fastapi.Response, owner: callers.Owner, service: callers.ServiceDep
 ) -> contracts.SubjectDetail:
     """Give a subject's document: a new subject, or in place of the document of that name.
 
@@ -90,8 +94,8 @@ def list_subjects(
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
 def get_subject(
-    subject: Named, request: Request, owner: callers.Owner, service: callers.ServiceDep
-) -> Response:
+    subject: Named, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> fastapi.Response:
     """Look at a subject: its document and its files."""
     detail = _make_detail(service, owner, subject)
     return contents.answer_unless_cached(
@@ -121,7 +125,11 @@ def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep
     },
 )
 async def put_file(
-    subject: Named, name: FileName, request: Request, owner: callers.Owner, service: callers.ServiceDep
+    subject: Named,
+    name: FileName,
+    request: fastapi.Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
 ) -> contracts.FileEntry:
     """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
     _refuse_too_large(request, service.settings.limit_upload_mb)
@@ -135,13 +143,17 @@ async def put_file(
 
 @router.get(
     "/{subject}/files/{name}",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=contents.describe_file_responses(_BYTES),
     dependencies=BOUNDED,
 )
 def get_file(
-    subject: Named, name: FileName, request: Request, owner: callers.Owner, service: callers.ServiceDep
-) -> Response:
+    subject: Named,
+    name: FileName,
+    request: fastapi.Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
+) -> fastapi.Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)
     return contents.send_stored_file(request, service.store.blobs, row)
@@ -153,7 +165,7 @@ def delete_file(subject: Named, name: FileName, owner: callers.Owner, service: c
     service.remove_subject_file(owner, subject, name)
 
 
-def _refuse_too_large(request: Request, limit_mb: int) -> None:
+def _refuse_too_large(request: fastapi.Request, limit_mb: int) -> None:
     """Say no before anything comes, where the length is stated."""
     length = request.headers.get("content-length", "")
     if length.isdigit() and int(length[:20]) > limit_mb * 1_000_000:

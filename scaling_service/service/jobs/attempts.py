@@ -21,7 +21,7 @@ import shutil
 import socket
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -43,7 +43,7 @@ from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import JobRow
 
 Result = TypeVar("Result")
-MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
+MakeExecutor: TypeAlias = Callable[[], futures.Executor]  # called again when an executor broke
 SLOTS = 8
 """Owners whose brief job runs beside a runner's workers at once. Chosen: each may take a job's memory."""
 
@@ -225,13 +225,13 @@ def choose_executor(settings: ServiceSettings) -> MakeExecutor:
     return lambda: ClusterExecutor(distributed, address)
 
 
-def make_local_executor(workers: int) -> Executor:
+def make_local_executor(workers: int) -> futures.Executor:
     """Threads on this machine: each watches over one attempt, which computes in a process of its own."""
     supervisor.warm_up()
-    return ThreadPoolExecutor(workers, thread_name_prefix="attempt")
+    return futures.ThreadPoolExecutor(workers, thread_name_prefix="attempt")
 
 
-class ClusterExecutor(Executor):
+class ClusterExecutor(futures.Executor):
     """A Dask cluster, by its scheduler's address. Its workers need this package and the data directory."""
 
     def __init__(self, distributed: Any, address: str) -> None:
@@ -246,9 +246,9 @@ class ClusterExecutor(Executor):
         # Not pure: the same order may be carried out twice. No retries: what is lost is our own matter.
         self._executor = self._client.get_executor(pure=False, retries=0)
 
-    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> Future[Result]:
+    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> futures.Future[Result]:
         """Run a call on one of the workers."""
-        future: Future[Result] = self._executor.submit(fn, *args, **kwargs)
+        future: futures.Future[Result] = self._executor.submit(fn, *args, **kwargs)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 (the base's)

@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections import abc
-from concurrent.futures import CancelledError, Executor, Future, wait
+from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -58,7 +58,7 @@ class RunningAttempt:
     row: JobRow
     order: attempts.Order
     folder: attempts.AttemptFolder
-    future: Future[outcomes.Outcome]
+    future: futures.Future[outcomes.Outcome]
     beside: bool  # whether it runs beside the workers, in its owner's slot for what is brief
     begun: float = field(default_factory=time.monotonic)
 
@@ -82,7 +82,7 @@ class Runner:
         self._make_executor = make_executor or attempts.choose_executor(settings)
         self._ledger = ledger.Ledger(store, settings.most_losses, settings.lease_s)
         self._lock = RunnerLock(store.blobs.folder)
-        self._executor: Executor | None = None
+        self._executor: futures.Executor | None = None
         self._held: dict[str, RunningAttempt] = {}
         self._stop, self._wake = threading.Event(), threading.Event()
         self._renewed = self._looked_for_lost = self._take_back_from = float("-inf")
@@ -137,7 +137,7 @@ class Runner:
             for kept in self._held.values():
                 kept.future.cancel()
                 kept.folder.stop()
-            wait([kept.future for kept in self._held.values()], timeout=_ENDING_S)
+            futures.wait([kept.future for kept in self._held.values()], timeout=_ENDING_S)
             with suppress(errors.StoreUnavailable):  # then the leases run out
                 self._end_finished()
         finally:
@@ -239,7 +239,7 @@ class Runner:
         for job in self._ledger.take_back(dead):
             log.warning("job taken back", extra={"job": job})
 
-    def _start_queued(self, executor: Executor) -> None:
+    def _start_queued(self, executor: futures.Executor) -> None:
         """As many jobs as there are workers, and beside them one that is brief of each owner.
 
         So nobody waits hours for seconds, nor for what others have looked at.
@@ -271,7 +271,7 @@ class Runner:
             self._lacks_room = False
         return self._ledger.lease(self.name, socket.gethostname(), kinds, without)
 
-    def _start(self, row: JobRow, executor: Executor, *, beside: bool) -> None:
+    def _start(self, row: JobRow, executor: futures.Executor, *, beside: bool) -> None:
         kind = self._kinds.get(row.kind)
         if kind is None:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
@@ -303,11 +303,11 @@ class Runner:
             self._stop.wait(TIDY_S)
 
 
-def read_outcome(future: Future[outcomes.Outcome]) -> outcomes.Outcome:
+def read_outcome(future: futures.Future[outcomes.Outcome]) -> outcomes.Outcome:
     """How an attempt ended, also where the executor itself broke."""
     try:
         return future.result()
-    except CancelledError:
+    except futures.CancelledError:
         return outcomes.Stopped()
     except Exception as error:  # noqa: BLE001 (an executor raises what it likes when a worker is gone)
         return outcomes.Lost(f"the executor failed ({type(error).__name__})")

@@ -82,7 +82,13 @@ class Child:
             text = json.dumps(result, ensure_ascii=False, allow_nan=False)
             (self.folder / RESULT).write_text(text, encoding="utf-8")
         except BaseException as error:  # noqa: BLE001 (whatever it is, it is the answer)
-            for cause in _list_causes(error):
+            # An error and what it came from
+            causes: list[BaseException] = []
+            seen: BaseException | None = error
+            while seen is not None:
+                causes.append(seen)
+                seen = seen.__cause__ or seen.__context__
+            for cause in causes:
                 number = cause.errno if isinstance(cause, OSError) else None
                 if number in _HINDRANCES:
                     return {"hindered": os.strerror(number or 0)}
@@ -115,14 +121,6 @@ def code_places(error: BaseException) -> str:
     """Where it broke: lines of code only, for a message may hold what stands in a patient's file."""
     lines = [f"{f.filename}:{f.lineno} {f.name}" for f in traceback.extract_tb(error.__traceback__)]
     return " < ".join(reversed(lines))[:_LONGEST]
-
-
-def _list_causes(error: BaseException) -> abc.Iterator[BaseException]:
-    """An error and what it came from."""
-    seen: BaseException | None = error
-    while seen is not None:
-        yield seen
-        seen = seen.__cause__ or seen.__context__
 
 
 def _send(pipe: int, message: dict[str, Any]) -> None:

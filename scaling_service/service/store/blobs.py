@@ -7,12 +7,12 @@ and leaves the file alone.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
 import os
 import secrets
 from collections import abc
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -73,7 +73,7 @@ class Incoming:
     def close(self) -> None:
         """Leave nothing in scratch; what was put in place stays."""
         self._scratch.unlink(missing_ok=True)
-        with suppress(OSError):  # bytes that a full disk did not take
+        with contextlib.suppress(OSError):  # bytes that a full disk did not take
             self._file.close()
 
 
@@ -89,7 +89,7 @@ class Blobs:
             for place in (folder, folder / "scratch", self.uploads, self.work, self._blobs):
                 place.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
 
-    @contextmanager
+    @contextlib.contextmanager
     def incoming(self, limit: int) -> abc.Iterator[Incoming]:
         """Take an upload of at most ``limit`` bytes; what is not kept in time leaves no trace."""
         with errors.disk_errors(self.folder):
@@ -156,7 +156,7 @@ class Blobs:
         """Remove uploads whose writer is gone, wherever it was killed; how many there were."""
         removed = 0
         for path in self.uploads.iterdir():
-            with suppress(BlockingIOError, FileNotFoundError), path.open("rb") as file:
+            with contextlib.suppress(BlockingIOError, FileNotFoundError), path.open("rb") as file:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 path.unlink(missing_ok=True)
                 removed += 1

@@ -6,11 +6,11 @@ so a machine whose own clock is wrong takes no job from another.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -73,15 +73,17 @@ class Database:
     def __init__(self, url: str | sa.URL) -> None:
         self._engine = _make_engine(_check_url(url))
         self.is_sqlite = self._engine.dialect.name == "sqlite"
-        self._turn: AbstractContextManager[object] = threading.Lock() if self.is_sqlite else nullcontext()
+        self._turn: contextlib.AbstractContextManager[object] = (
+            threading.Lock() if self.is_sqlite else contextlib.nullcontext()
+        )
 
-    @contextmanager
+    @contextlib.contextmanager
     def read(self) -> Iterator[sa.Connection]:
         """A transaction that sees one moment and changes nothing."""
         with database_errors(), self._engine.connect() as connection, connection.begin():
             yield connection
 
-    @contextmanager
+    @contextlib.contextmanager
     def write(self) -> Iterator[sa.Connection]:
         """A transaction that is kept whole at the end, or not at all where an error leaves it.
 
@@ -102,7 +104,7 @@ class Database:
                 answers.append(found.scalar() if found.returns_rows else None)
         return answers
 
-    @contextmanager
+    @contextlib.contextmanager
     def session_lock(self, number: int) -> Iterator[None]:
         """Be the only one among all programs on this database that holds the lock (PostgreSQL only)."""
         with self._apart() as connection:
@@ -112,7 +114,7 @@ class Database:
             finally:
                 connection.execute(sa.text("SELECT pg_advisory_unlock(:n)"), {"n": number})
 
-    @contextmanager
+    @contextlib.contextmanager
     def _apart(self) -> Iterator[sa.Connection]:
         # On SQLite no BEGIN is sent; PostgreSQL's driver has a mode for it.
         options = {"apart": True} if self.is_sqlite else {"isolation_level": "AUTOCOMMIT"}
@@ -207,7 +209,7 @@ def _begin_sqlite(connection: sa.Connection) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes", False) else "BEGIN")
 
 
-@contextmanager
+@contextlib.contextmanager
 def database_errors() -> Iterator[None]:
     """Let errors of the connection leave as the store's; errors of a statement stay what they are."""
     try:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -35,7 +35,7 @@ class Spare:
 
     def keep(self, most: int = SPARE_BYTES, share: int = _SHARE) -> None:
         """Take the room, where there is some: at most so many bytes, and this part of what is free."""
-        with suppress(OSError):  # then there is none to keep
+        with contextlib.suppress(OSError):  # then there is none to keep
             size = min(most, shutil.disk_usage(self._file.parent).free // share)
             if self._file.exists() or not size:
                 return
@@ -45,11 +45,11 @@ class Spare:
             finally:
                 os.close(handle)
 
-    @contextmanager
+    @contextlib.contextmanager
     def given_up(self) -> Iterator[None]:
         """Leave the room to what happens meanwhile, where the disk is so full; then take it again."""
         size = 0
-        with suppress(OSError):  # the disk is away, which the change itself will say
+        with contextlib.suppress(OSError):  # the disk is away, which the change itself will say
             if shutil.disk_usage(self._file.parent).free < SPARE_BYTES:
                 size = self._file.stat().st_size
                 self._file.unlink()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -62,7 +62,7 @@ def configure(connection: sa.Connection) -> Config:
     return config
 
 
-@contextmanager
+@contextlib.contextmanager
 def _alone(database: db.Database, folder: Path) -> Iterator[None]:
     if not database.is_sqlite:
         with database.session_lock(LOCK_NUMBER):
@@ -103,15 +103,15 @@ class Store:
         """What is kept back so that deleting works on a full disk."""
         return Spare(self.blobs.folder)
 
-    def read(self) -> AbstractContextManager[sa.Connection]:
+    def read(self) -> contextlib.AbstractContextManager[sa.Connection]:
         """A transaction that sees one moment."""
         return self.database.read()
 
-    def write(self) -> AbstractContextManager[sa.Connection]:
+    def write(self) -> contextlib.AbstractContextManager[sa.Connection]:
         """A transaction that is kept whole, or not at all."""
         return self.database.write()
 
-    def incoming(self, limit: int) -> AbstractContextManager[store_blobs.Incoming]:
+    def incoming(self, limit: int) -> contextlib.AbstractContextManager[store_blobs.Incoming]:
         """An upload of at most ``limit`` bytes."""
         return self.blobs.incoming(limit)
 

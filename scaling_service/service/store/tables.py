@@ -279,12 +279,13 @@ def read_page(
     ordered = statement.order_by(created.desc(), key.desc()).limit(limit + 1)  # one more: is there another?
     found = [row(each) for each in connection.execute(ordered).mappings()]
     shown = tuple(found[:limit])
-    return Page(shown, _encode_cursor(shown[-1]) if len(found) > limit else None)
-
-
-def _encode_cursor(last: SubjectRow | JobRow) -> str:
-    """The cursor of what comes after this row."""
-    return base64.urlsafe_b64encode(f"{last.created_us} {last.id}".encode()).decode().rstrip("=")
+    if len(found) > limit:
+        # The cursor of what comes after this row
+        last = shown[-1]
+        after = base64.urlsafe_b64encode(f"{last.created_us} {last.id}".encode()).decode().rstrip("=")
+    else:
+        after = None
+    return Page(shown, after)
 
 
 def _decode_cursor(cursor: str) -> tuple[int, str]:

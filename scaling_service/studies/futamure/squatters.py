@@ -125,7 +125,13 @@ def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     factors = {}
     for name, sd in LENGTH_SD.items():
         usual = height / STATURE_M[0]
-        factors[name] = usual + sd * float(rng.normal()) / _measure_reach(generic, name)
+        # The generic length of a segment, m
+        child = generic.children(name)
+        if not child:
+            reach = float(np.linalg.norm(generic.marker("ELB").nominal))
+        else:
+            reach = sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
+        factors[name] = usual + sd * float(rng.normal()) / reach
     factors["foot"] = height / STATURE_M[0]
     scaled = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
     table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
@@ -144,14 +150,6 @@ def _build(seed: int) -> tuple[float, float]:
         height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
         if height > 0 and low < mass / height**2 < high:
             return height, mass
-
-
-def _measure_reach(generic: body.BodyModel, name: str) -> float:
-    """The generic length of a segment, m."""
-    child = generic.children(name)
-    if not child:
-        return float(np.linalg.norm(generic.marker("ELB").nominal))
-    return sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
 
 
 def _scatter_model(seed: int, model: body.BodyModel, mass: float) -> body.BodyModel:

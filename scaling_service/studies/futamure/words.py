@@ -22,7 +22,41 @@ _INERTIA = ("masses", "centres of mass", "moments of inertia")
 
 def summarise(document: documents.FutamureDocument) -> Summary:
     """The study in short, with what only virtual persons can tell."""
-    tables = [*make_tables(document), *_make_truth_tables(document.persons)]
+    further: list[Table] = []
+    rows = []
+    for way in WAYS:
+        errors = np.array([getattr(p.fitted, way).angle_rmse_deg for p in document.persons])
+        rows.append(Row(way, [_spread(errors[:, k]) for k in range(4)] + [_spread(errors.mean(axis=1))]))
+    further.append(
+        Table(
+            caption="RMS error of joint angles, degrees, mean ± SD over persons",
+            columns=["", *_JOINTS, "mean"],
+            rows=rows,
+        )
+    )
+    before, after = (np.array([p.inertia_distance[k] for p in document.persons]) for k in (0, 1))
+    further.append(
+        Table(
+            caption="Distance of inertial parameters from the truth, SDs of the tables, mean ± SD over "
+            "persons",
+            columns=["", "table", "identified"],
+            rows=[
+                Row(name, [_spread(before[:, k]), _spread(after[:, k])]) for k, name in enumerate(_INERTIA)
+            ],
+        )
+    )
+    lengths = [np.abs([p.length_error_mm[k] for p in document.persons]).mean(axis=0) for k in (0, 1)]
+    further.append(
+        Table(
+            caption="Mean size of length errors, mm",
+            columns=["", "start", "found"],
+            rows=[
+                Row(n, [f"{a:.1f}", f"{b:.1f}"])
+                for n, a, b in zip(("shank", "thigh", "trunk"), *lengths, strict=True)
+            ],
+        )
+    )
+    tables = [*make_tables(document), *further]
     return summarise_study("Futamure et al.", document, tables)
 
 
@@ -61,30 +95,3 @@ def _format_cells(found: abc.Sequence[documents.WayEntry]) -> list[str]:
 def _spread(values: Array, digits: int = 2) -> str:
     spread = f" ± {values.std(ddof=1):.{digits}f}" if len(values) > 1 else ""
     return f"{values.mean():.{digits}f}{spread}"
-
-
-def _make_truth_tables(persons: abc.Sequence[documents.SquatterEntry]) -> abc.Iterator[Table]:
-    rows = []
-    for way in WAYS:
-        errors = np.array([getattr(p.fitted, way).angle_rmse_deg for p in persons])
-        rows.append(Row(way, [_spread(errors[:, k]) for k in range(4)] + [_spread(errors.mean(axis=1))]))
-    yield Table(
-        caption="RMS error of joint angles, degrees, mean ± SD over persons",
-        columns=["", *_JOINTS, "mean"],
-        rows=rows,
-    )
-    before, after = (np.array([p.inertia_distance[k] for p in persons]) for k in (0, 1))
-    yield Table(
-        caption="Distance of inertial parameters from the truth, SDs of the tables, mean ± SD over persons",
-        columns=["", "table", "identified"],
-        rows=[Row(name, [_spread(before[:, k]), _spread(after[:, k])]) for k, name in enumerate(_INERTIA)],
-    )
-    lengths = [np.abs([p.length_error_mm[k] for p in persons]).mean(axis=0) for k in (0, 1)]
-    yield Table(
-        caption="Mean size of length errors, mm",
-        columns=["", "start", "found"],
-        rows=[
-            Row(n, [f"{a:.1f}", f"{b:.1f}"])
-            for n, a, b in zip(("shank", "thigh", "trunk"), *lengths, strict=True)
-        ],
-    )

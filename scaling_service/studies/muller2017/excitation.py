@@ -304,7 +304,18 @@ def _perform(
     loads = SegmentLoads(times, ("calcn_r", "calcn_l"), forces, moments)
     labels = tuple(m.name for m in truth.markers if m.weight > 0.0)
     # What the cameras see, shape (n, n_markers, 3), m
-    skin = truth.with_markers(tuple(_make_gliding(seed, m, truth, settings.skin) for m in truth.markers))
+    gliding = []
+    for m in truth.markers:
+        # A marker that moves over its segment with the angles of the segment's joints
+        per_rad = {}
+        # Angles of the joint that carries a segment and of those that it carries, the root's own apart
+        near = [s for s in truth.segments if s.name == m.segment or s.parent == m.segment]
+        joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
+        for coordinate in sorted({c for joint in joints for c in joint.law.coordinates}):
+            drawn = artefact.draw_shared(seed, "excited", "skin", m.segment, coordinate, marker=m.name)
+            per_rad[coordinate] = body.to_vector(1e-3 * np.degrees(settings.skin * SKIN_MM_PER_DEG * drawn))
+        gliding.append(artefact.glide_marker(m, per_rad))
+    skin = truth.with_markers(tuple(gliding))
     seen = pose_markers(compiling.compile_model(skin, labels), q, compiling.list_parameter_values(skin))
     for k, label in enumerate(labels):
         glide = stream(seed, "excited", "markers", name, label)
@@ -346,15 +357,3 @@ def _measure_loads(seed: int, name: str, loads: SegmentLoads, settings: Excitati
         np.moveaxis(both, 1, 0), rate_hz=settings.rate_hz, cutoff_hz=_CUTOFF_HZ, order=_ORDER
     ).values
     return replace(loads, force=slow[:, 0], moment=slow[:, 1])
-
-
-def _make_gliding(seed: int, marker: body.Marker, model: body.BodyModel, size: float) -> body.Marker:
-    """A marker that moves over its segment with the angles of the segment's joints."""
-    per_rad = {}
-    # Angles of the joint that carries a segment and of those that it carries, the root's own apart
-    near = [s for s in model.segments if s.name == marker.segment or s.parent == marker.segment]
-    joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
-    for coordinate in sorted({c for joint in joints for c in joint.law.coordinates}):
-        drawn = artefact.draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
-        per_rad[coordinate] = body.to_vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
-    return artefact.glide_marker(marker, per_rad)

@@ -294,7 +294,24 @@ def identify_inertia(
         components=tuple(components.tolist()),
         noise=np.where(components, solution.noise, np.nan),
     )
-    return replace(result, warnings=(*of_components, *repaired, *_warn(result, settings)))
+    # What a person should know of a result
+    notes: list[str] = []
+    if not result.combinations:
+        hint = "; the total mass was held, too" if settings.mass_known else ""
+        notes.append(f"the recordings say less than the prior about every combination: nothing moved{hint}")
+    surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
+    if surprises:
+        notes.append(
+            f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "
+            f"doubt the motion or the forces first"
+        )
+    ratio = result.relative_error(held_out=True)
+    if ratio > WORSE:
+        notes.append(
+            f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
+            "keep the inertia that it started from"
+        )
+    return replace(result, warnings=(*of_components, *repaired, *notes))
 
 
 def _choose_components(
@@ -355,24 +372,3 @@ def _solve(
         moves=moves,
         noise=size * assumed,
     )
-
-
-def _warn(
-    result: inertia_parameters.InertialIdentification, settings: IdentificationSettings
-) -> abc.Iterator[str]:
-    """What a person should know of a result."""
-    if not result.combinations:
-        hint = "; the total mass was held, too" if settings.mass_known else ""
-        yield f"the recordings say less than the prior about every combination: nothing moved{hint}"
-    surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
-    if surprises:
-        yield (
-            f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "
-            f"doubt the motion or the forces first"
-        )
-    ratio = result.relative_error(held_out=True)
-    if ratio > WORSE:
-        yield (
-            f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
-            "keep the inertia that it started from"
-        )

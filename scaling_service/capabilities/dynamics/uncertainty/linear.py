@@ -40,7 +40,7 @@ EXACT_M = 1e-6
 """Reconstruction error below which markers are followed exactly (chosen: far below any camera's noise)."""
 
 _BLOCK = 120  # frames together: 35 coordinates times 192 components are 7 MB
-_GRID = 400  # sizes of the noise, and errors of a level: dispersions change by less than 1e-4 beyond
+_GRID = 400  # sizes of the noise, and errors of a level: spread change by less than 1e-4 beyond
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +121,7 @@ class KinematicUncertainty:
 def propagate_motion_noise(
     reference: references.Reference, levels: abc.Sequence[float]
 ) -> KinematicUncertainty:
-    """Muller's dispersions of the indicator at levels of added reconstruction error, in closed form.
+    """Muller's spread of the indicator at levels of added reconstruction error, in closed form.
 
     ``levels``: over the reference's error. Raises InputError: the markers are followed without any error, so
     that nothing scales a perturbation.
@@ -160,7 +160,13 @@ def propagate_motion_noise(
     errors *= error / errors[0]
     variance = np.einsum("ncc->nc", covariance).mean(axis=0) / reference.scale**2
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
-    dispersion = np.array([_compute_dispersion(error, level, errors, indicators) for level in levels])
+    dispersions = []
+    for level in levels:
+        # Of the indicators, where the error is uniform up to a level; shape (6,).
+        wanted = error * (1.0 + level * (np.arange(_GRID) + 0.5) / _GRID)
+        found = np.array([np.interp(wanted, errors, column) for column in indicators.T])
+        dispersions.append(np.asarray(UNIFORM_RANGE * found.std(axis=1)))
+    dispersion = np.array(dispersions)
     slopes, r2, centred = fit_slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
     return KinematicUncertainty(
         error_m=error,
@@ -227,10 +233,3 @@ def _expect_distance(away: Array, wide: Array) -> Array:
         expected: Array = s * np.sqrt(2 / np.pi) * np.exp(-0.5 * ratio**2)
     expected += (a + s**2 / a) * erf(ratio / np.sqrt(2.0))
     return expected
-
-
-def _compute_dispersion(error: float, level: float, errors: Array, indicators: Array) -> Array:
-    """Of the indicators, where the error is uniform up to a level; shape (6,)."""
-    wanted = error * (1.0 + level * (np.arange(_GRID) + 0.5) / _GRID)
-    found = np.array([np.interp(wanted, errors, column) for column in indicators.T])
-    return np.asarray(UNIFORM_RANGE * found.std(axis=1))

@@ -120,7 +120,13 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     contacts = tuple(time for group in groups for time in group)
     cycles = tuple(cycle for group in groups for cycle in pairwise(group))
     if not cycles:
-        return GaitCycles((), contacts, marker, _explain_too_few(len(contacts), side))
+        whose, count = {"r": "right foot", "l": "left foot"}[side], len(contacts)
+        if count < 2:
+            some = "1 contact" if count == 1 else f"{count} contacts"
+            few = f"{some} of the {whose}, and a stride needs two"
+        else:
+            few = f"between the {count} contacts of the {whose} markers are hidden"
+        return GaitCycles((), contacts, marker, few)
     if travels:
         gone = pelvis @ direction
         cycles = tuple(
@@ -145,13 +151,6 @@ def explain_no_cycles(trials: abc.Sequence[Trial]) -> str:
 
 class _NoWalking(Exception):
     """Why a recording has no strides."""
-
-
-def _explain_too_few(contacts: int, side: Side) -> str:
-    foot = {"r": "right foot", "l": "left foot"}[side]
-    if contacts < 2:
-        return f"{contacts} contact{'s' if contacts != 1 else ''} of the {foot}, and a stride needs two"
-    return f"between the {contacts} contacts of the {foot} markers are hidden"
 
 
 def _find_middle(trial: Trial, names: abc.Sequence[str]) -> Array | None:

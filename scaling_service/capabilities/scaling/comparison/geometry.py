@@ -213,31 +213,27 @@ def list_doubts(
     ``errors``, ``lengths``: method to trial to error, and method to length (``femur_r`` …) to m.
     One plain sentence each.
     """
-    return (*_describe_lost(errors), *(() if height_m is None else _describe_sizes(lengths, height_m)))
-
-
-def _describe_lost(errors: abc.Mapping[str, abc.Mapping[str, KinematicError]]) -> abc.Iterator[str]:
+    lost: list[str] = []
     trials = dict.fromkeys(trial for by_trial in errors.values() for trial in by_trial)
     for trial in trials:
         best = min(by_trial[trial].mean for by_trial in errors.values() if trial in by_trial)
         if best > FOLLOWED_M:
-            yield (
+            lost.append(
                 f"no model follows the markers of '{trial}' better than {1e3 * best:.0f} mm on average: "
                 f"check its labels and unit, and that all recordings are of one person"
             )
-
-
-def _describe_sizes(lengths: abc.Mapping[str, abc.Mapping[str, float]], height_m: float) -> abc.Iterator[str]:
-    names = list(dict.fromkeys(name for found in lengths.values() for name in found))
-    usual = estimate_usual_lengths(height_m, names)
-    odd = {method: list_unusual(found, usual) for method, found in lengths.items()}
-    for name in names:
-        lengths_shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
-        if lengths_shown:
-            yield (
-                f"{name} of {', '.join(lengths_shown)} is unusual for a height of {height_m:.2f} m "
-                f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
-            )
+    if height_m is not None:
+        names = list(dict.fromkeys(name for found in lengths.values() for name in found))
+        usual = estimate_usual_lengths(height_m, names)
+        odd = {method: list_unusual(found, usual) for method, found in lengths.items()}
+        for name in names:
+            shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
+            if shown:
+                lost.append(
+                    f"{name} of {', '.join(shown)} is unusual for a height of {height_m:.2f} m "
+                    f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
+                )
+    return tuple(lost)
 
 
 def estimate_usual_lengths(height_m: float | None, names: abc.Iterable[str]) -> dict[str, float]:

@@ -66,33 +66,49 @@ def judge(evidence: Evidence) -> Verdict:
         raise ValueError("a verdict needs at least one method")
     answer = next((m for m in evidence.methods if m.method == ANSWER), None)
     chosen = answer or evidence.reference or evidence.methods[0]
-    doubts = tuple(_list_doubts(chosen, evidence))
-    strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
-    return Verdict(
-        method=chosen.method,
-        strength=strength,
-        headline=_write_headline(chosen, strength),
-        why=(*doubts, *_explain(chosen, evidence)),
-        trust=rate_trust(chosen, evidence),
-    )
-
-
-def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> abc.Iterator[str]:
-    """What speaks against the model, or against the recordings that it was made from."""
+    # What speaks against the model, or against the recordings that it was made from
+    doubts: list[str] = []
     if chosen.method != ANSWER:
-        yield (
+        doubts.append(
             f"{ANSWER} was not computed. Other methods hold something fixed that nobody knows, and their "
             f"distance from the markers does not tell how wrong that is."
         )
     if chosen.skin is not None and chosen.skin > STRANGE:
-        yield (
+        doubts.append(
             f"Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does: look for "
             f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
             "the model does not describe."
         )
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
-        yield f"{_describe_unusual(odd)} Check height, units and labels."
+        doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
+    strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
+    why: list[str] = []
+    if chosen.method == ANSWER:
+        images = "images, " if evidence.imaged else ""
+        why.append(
+            f"It weighs {images}markers and movements with what is ordinary in people, and every deviation "
+            "counts what they leave open; deviations are one standard deviation of the worst."
+        )
+    if chosen.by_people:
+        known = list_few([spell_parameter(name) for name in chosen.by_people])
+        why.append(f"People in general say more of {known} than these recordings.")
+    own = chosen.judged_on
+    judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
+    nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
+    if nearer:
+        why.append(
+            f"{list_few(nearer)} {'comes' if len(nearer) == 1 else 'come'} nearer to the markers, which is "
+            "no merit: what is free takes up skin, and of virtual persons such models are further from the "
+            "bones."
+        )
+    return Verdict(
+        method=chosen.method,
+        strength=strength,
+        headline=_write_headline(chosen, strength),
+        why=(*doubts, *why),
+        trust=rate_trust(chosen, evidence),
+    )
 
 
 def _describe_moment(worst: Moment | None) -> str:
@@ -112,7 +128,7 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     known = [
         f"{what} to ± {unit(max(sds.values()))}"
         for what, sds, unit in (
-            ("lengths", chosen.length_sds, _round_mm),
+            ("lengths", chosen.length_sds, lambda metres: f"{1e3 * metres:.0f} mm"),
             ("joint angles", chosen.angle_sds, _format_deg),
         )
         if sds
@@ -123,27 +139,6 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     if strength == "leaning":
         return f"Use {ANSWER} for this person, which leans on what is ordinary in people{said}."
     return f"Use {ANSWER} for this person{said}."
-
-
-def _explain(chosen: MethodEvidence, evidence: Evidence) -> abc.Iterator[str]:
-    if chosen.method == ANSWER:
-        images = "images, " if evidence.imaged else ""
-        yield (
-            f"It weighs {images}markers and movements with what is ordinary in people, and every deviation "
-            "counts what they leave open; deviations are one standard deviation of the worst."
-        )
-    if chosen.by_people:
-        known = list_few([spell_parameter(name) for name in chosen.by_people])
-        yield f"People in general say more of {known} than these recordings."
-    own = chosen.judged_on
-    judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
-    nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
-    if nearer:
-        yield (
-            f"{list_few(nearer)} {'comes' if len(nearer) == 1 else 'come'} nearer to the markers, which is "
-            "no merit: what is free takes up skin, and of virtual persons such models are further from the "
-            "bones."
-        )
 
 
 def rate_trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:
@@ -203,10 +198,6 @@ def _grade(value: float, good: float, fair: float) -> Level:
 def format_mm(metres: float) -> str:
     """Millimetres as shown to people."""
     return f"{1e3 * metres:.1f}"
-
-
-def _round_mm(metres: float) -> str:
-    return f"{1e3 * metres:.0f} mm"
 
 
 def _format_deg(angle: float) -> str:

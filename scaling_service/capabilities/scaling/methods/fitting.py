@@ -144,7 +144,7 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
-        report = None if progress is None else partial(_report_later, progress, steps)
+        report = None if progress is None else partial(count_on, progress, steps)
         solution = estimator.solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
         steps += solution.steps
         before, variance = variance, weighed.noise(solution.q, solution.p)
@@ -153,8 +153,9 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     return Fitted(fit.with_prior(variance), replace(solution, steps=steps), variance)
 
 
-def _report_later(progress: Progress, steps: int, step: int, cost: float) -> None:
-    progress(steps + step, cost)
+def count_on(progress: Progress, before: int, number: int, cost: float) -> None:
+    """Report steps of several looks as one count."""
+    progress(before + number, cost)
 
 
 def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:

@@ -17,8 +17,7 @@ import numpy as np
 from scaling_service.capabilities.motion.everyday import pose_problem
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.scaling.methods import people_prior
-from scaling_service.capabilities.scaling.methods.fitting import Progress
+from scaling_service.capabilities.scaling.methods import fitting, people_prior
 from scaling_service.capabilities.scaling.methods.image_based import ImageBased
 from scaling_service.capabilities.scaling.methods.image_points import shows_sizes
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
@@ -74,7 +73,7 @@ class JointPosterior:
         session: Session,
         start: results.Calibration | None,
         settings: CalibrationSettings,
-        progress: Progress | None,
+        progress: fitting.Progress | None,
     ) -> results.Calibration:
         """The posterior of the session's person; the start's model is where the iteration begins.
 
@@ -102,7 +101,7 @@ class JointPosterior:
                 latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
                 problem = posterior.integrate_over(problem, q, p, latent)
             begin = task.p if p is None else p
-            told = None if progress is None else partial(_count_on, progress, steps)
+            told = None if progress is None else partial(fitting.count_on, progress, steps)
             found = posterior.solve_posterior(
                 problem, q, begin, told, _FIRST_STEPS if left else posterior.MOST_STEPS
             )
@@ -163,11 +162,6 @@ class JointPosterior:
             bone_sized=start.bone_sized,
             centres=_list_centres(freed, sds),
         )
-
-
-def _count_on(progress: Progress, before: int, number: int, cost: float) -> None:
-    """Steps of several looks as one count."""
-    progress(before + number, cost)
 
 
 def _choose_frames(

@@ -10,11 +10,11 @@ from collections import abc
 from importlib.metadata import entry_points
 from types import MappingProxyType
 
+from scaling_service.capabilities.scaling.methods import optimised
 from scaling_service.capabilities.scaling.methods.fitting import Progress
 from scaling_service.capabilities.scaling.methods.image_based import ImageBased
 from scaling_service.capabilities.scaling.methods.marker_based import MarkerBased
 from scaling_service.capabilities.scaling.methods.method import Method
-from scaling_service.capabilities.scaling.methods.optimised import Freedom, Optimised
 from scaling_service.capabilities.scaling.methods.posterior import JointPosterior
 from scaling_service.capabilities.scaling.sizes import without_markers
 from scaling_service.capabilities.shared import settings as shared_settings
@@ -28,24 +28,24 @@ GROUP = "scaling_service.methods"
 _OURS: abc.Mapping[str, Method] = MappingProxyType(
     {
         "MB": MarkerBased(),
-        "MB_lam": Optimised(
+        "MB_lam": optimised.Optimised(
             name="MB_lam",
             title="lengths, knee axes and selected marker coordinates fitted to movement",
             needs="MB",
-            freedom=Freedom(lengths=True, all_markers=False),
+            freedom=optimised.Freedom(lengths=True, all_markers=False),
         ),
-        "MB_am": Optimised(
+        "MB_am": optimised.Optimised(
             name="MB_am",
             title="knee axes and all marker coordinates fitted to movement",
             needs="MB",
-            freedom=Freedom(lengths=False, all_markers=True),
+            freedom=optimised.Freedom(lengths=False, all_markers=True),
         ),
         "EB": ImageBased(),
-        "EB_am": Optimised(
+        "EB_am": optimised.Optimised(
             name="EB_am",
             title="knee axes and all marker coordinates of the image-based model fitted to movement",
             needs="EB",
-            freedom=Freedom(lengths=False, all_markers=True),
+            freedom=optimised.Freedom(lengths=False, all_markers=True),
             needs_images=True,
         ),
         "MAP": JointPosterior(),

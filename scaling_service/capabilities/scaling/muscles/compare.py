@@ -107,8 +107,14 @@ def compare_muscles(
                 dynamics = inverse_dynamics.solve_inverse_dynamics(model, motion, ground.loads)
                 judged = inverse_dynamics.find_judged_frames(dynamics, ground.contacts, DYNAMICS_CUTOFF_HZ)
                 values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
+                # Rotations that joints between segments leave free; those of the root carry residuals.
+                root = {
+                    t.coordinate for s in model.segments[:1] for joint in s.joints for t in joint.law.terms
+                }
                 moments = {
-                    name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)
+                    c.name: values[:, dynamics.coordinates.index(c.name)]
+                    for c in model.coordinates
+                    if c.kind == "rotation" and not c.locked and c.name not in root
                 }
             found[method][trial] = MuscleCourses(
                 motion.times[rows],
@@ -152,12 +158,6 @@ def _gather_forces(
     without = [trial for trial in trials if trial not in found]
     said = f"joint moments are not compared in {', '.join(without)}: there are no forces"
     return found, (*unusable, said) if without else unusable
-
-
-def _list_joint_angles(model: BodyModel) -> list[str]:
-    """Rotations that joints between segments leave free; those of the root carry residuals."""
-    root = {t.coordinate for s in model.segments[:1] for joint in s.joints for t in joint.law.terms}
-    return [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked and c.name not in root]
 
 
 def _list_largest(peaks: abc.Iterable[results.MuscleDifference]) -> list[results.MuscleDifference]:

@@ -28,7 +28,28 @@ def write_muscle_scene(
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
     """
     files = ArrayFiles(outputs, FOLDER, brief=brief)
-    curves = [_write_curve(found, each, k, files) for k, each in enumerate(_list_distinct(found.differences))]
+    curves = []
+    for k, each in enumerate(_list_distinct(found.differences)):
+        factor, unit = compare.UNITS[each.quantity]
+        times = found.courses[each.method][each.trial].times
+        courses = {
+            method: trials[each.trial].courses(each.quantity).get((each.muscle, each.coordinate))
+            for method, trials in found.courses.items()
+        }
+        known = {method: factor * values for method, values in courses.items() if values is not None}
+        curves.append(
+            playing.MuscleCurve(
+                quantity=each.quantity,
+                muscle=each.muscle,
+                coordinate=each.coordinate,
+                trial=each.trial,
+                unit=unit,
+                start_s=float(times[0]),
+                rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
+                methods=list(known),
+                values=files.write(f"muscle_{k}", np.column_stack(list(known.values())), unit),
+            )
+        )
     document = playing.MuscleScene(curves=curves)
     write_json(outputs / FILE_NAME, document)
     return document
@@ -42,26 +63,3 @@ def _list_distinct(differences: abc.Sequence[MuscleDifference]) -> abc.Iterator[
         for each in sorted(of, key=lambda each: -abs(each.difference)):
             largest.setdefault((each.muscle, each.coordinate), each)
         yield from list(largest.values())[:MOST_CURVES]
-
-
-def _write_curve(
-    found: compare.MuscleComparison, each: MuscleDifference, k: int, files: ArrayFiles
-) -> playing.MuscleCurve:
-    factor, unit = compare.UNITS[each.quantity]
-    times = found.courses[each.method][each.trial].times
-    courses = {
-        method: trials[each.trial].courses(each.quantity).get((each.muscle, each.coordinate))
-        for method, trials in found.courses.items()
-    }
-    known = {method: factor * values for method, values in courses.items() if values is not None}
-    return playing.MuscleCurve(
-        quantity=each.quantity,
-        muscle=each.muscle,
-        coordinate=each.coordinate,
-        trial=each.trial,
-        unit=unit,
-        start_s=float(times[0]),
-        rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
-        methods=list(known),
-        values=files.write(f"muscle_{k}", np.column_stack(list(known.values())), unit),
-    )

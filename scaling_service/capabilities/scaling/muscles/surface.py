@@ -76,7 +76,12 @@ def follow_surfaces(
         moved[segment] = _move(here, before, mapped, person)
         there = zip(over, mapped(centres) if over else (), sizes[len(here) :], strict=True)
         moved_wraps += [replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
-        notes.append(f"{calibration.method}: {_describe_distances(segment, moved[segment], mapped)}")
+        off, now = 1e3 * np.median(moved[segment].distances, axis=0)
+        notes.append(
+            f"{calibration.method}: {len(moved[segment].points)} attachments on {segment} follow its "
+            f"surface: {off:.1f} mm from the bone as scaled, {now:.1f} mm now (medians); "
+            f"{1e3 * mapped.left_m:.1f} mm are left between the surfaces"
+        )
     every = [point for found in moved.values() for point in found.points]
     if not every:
         notes.append(f"{calibration.method}: muscles follow no surface: all attachments are scaled")
@@ -125,14 +130,6 @@ def _move(
     there = tuple(replace(point, at=at) for point, at in zip(points, after, strict=True))
     distances = np.stack([morph.measure_distances(person, at) for at in (before, after)], axis=1)
     return MovedAttachments(there, before, distances)
-
-
-def _describe_distances(segment: str, found: MovedAttachments, mapped: morph.SurfaceMap) -> str:
-    before, after = 1e3 * np.median(found.distances, axis=0)
-    return (
-        f"{len(found.points)} attachments on {segment} follow its surface: {before:.1f} mm from the bone as "
-        f"scaled, {after:.1f} mm now (medians); {1e3 * mapped.left_m:.1f} mm are left between the surfaces"
-    )
 
 
 def write_attachments(file: Path, moved: abc.Mapping[str, MovedAttachments]) -> None:

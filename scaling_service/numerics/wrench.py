@@ -112,12 +112,7 @@ def compute_root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple
 
 
 def compute_inverse_dynamics(
-    mechanism: Mechanism,
-    motion: Motion,
-    p: Array,
-    loads: Loads | None = None,
-    *,
-    gravity: Array = GRAVITY,
+    mechanism: Mechanism, motion: Motion, p: Array, loads: Loads | None = None, *, gravity: Array = GRAVITY
 ) -> Dynamics:
     """Generalised forces and the residual wrench of a motion.
 

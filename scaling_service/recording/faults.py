@@ -11,11 +11,7 @@ from scipy import ndimage
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.model.forces import CONTACT_N, GroundForces
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.plausibility import remove_strays

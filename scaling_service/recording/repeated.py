@@ -9,10 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Repair, Trial
 
 _Kind = TypeVar("_Kind", bound=Trial)
 

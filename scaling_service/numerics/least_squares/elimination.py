@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.clusters import compute_wrench_rate
 from scaling_service.numerics.multibody.laws import NONE
-from scaling_service.numerics.multibody.plan import (
-    Entry,
-    find_entry_coordinate,
-    is_plain,
-    split_entries,
-)
+from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, is_plain, split_entries
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]

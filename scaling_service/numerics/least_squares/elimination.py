@@ -195,7 +195,7 @@ class PivotDamping:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pull:
+class Tasks:
     """Tasks of the coordinates themselves, by column: weight, and weight times way to go, each (c, n)."""
 
     stiffness: Array
@@ -225,7 +225,7 @@ def solve_step(
     damping: PivotDamping,
     *,
     second: Array,
-    pull: Pull | None = None,
+    tasks: Tasks | None = None,
     limits: Limits,
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
@@ -233,7 +233,7 @@ def solve_step(
     ``mass`` (n_rows, 6, 7, n): curvature and wrench of every link's own markers; overwritten.
     ``twist``: (c, 6, n).
     ``second`` (n,): one where second derivatives are used, else zero.
-    ``pull``, ``limits``: tasks and bounds of the coordinates.
+    ``tasks``, ``limits``: aims and bounds of the coordinates.
 
     A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
     so.
@@ -250,9 +250,9 @@ def solve_step(
                 impulse -= bend[columns]
             np.einsum("gjn,gjn->gn", turn, impulse, out=pivot)
             np.abs(pivot, out=pivot)
-            if pull is not None:
-                pivot += pull.stiffness[columns]
-                own[:, 6] += pull.drive[columns]
+            if tasks is not None:
+                pivot += tasks.stiffness[columns]
+                own[:, 6] += tasks.drive[columns]
             whole = pivot * grown
             whole += damping.floor
             np.divide(own, whole[:, None], out=share)

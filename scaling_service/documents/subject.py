@@ -113,27 +113,20 @@ class Trials(_Strict):
                     "Remove it from one of the two, or record another trial",
                     "evaluation",
                 )
-        self._refuse_equal_stems()
-        return self
-
-    def _refuse_equal_stems(self) -> None:
         # The static trial may serve for calibration as well; it then is one recording, not two.
         others = [self.static] if self.static and self.static not in self.calibration else []
+        kinds = {"static": others, "calibration": self.calibration, "evaluation": self.evaluation}
         seen: dict[str, str] = {}
-        for field, paths in (
-            ("static", others),
-            ("calibration", self.calibration),
-            ("evaluation", self.evaluation),
-        ):
-            for path in paths:
-                stem = PurePath(path).stem
-                if stem in seen:
-                    raise _make_error(
-                        f"'{path}' and '{seen[stem]}' have the same name without suffix",
-                        "Results are named by it: remove or rename one of them",
-                        field,
-                    )
-                seen[stem] = path
+        for field, path in ((field, path) for field, paths in kinds.items() for path in paths):
+            stem = PurePath(path).stem
+            if stem in seen:
+                raise _make_error(
+                    f"'{path}' and '{seen[stem]}' have the same name without suffix",
+                    "Results are named by it: remove or rename one of them",
+                    field,
+                )
+            seen[stem] = path
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -109,9 +109,18 @@ def _describe(name: str) -> str:
         arguments = [*map(_format_argument, own.args, defaults), *(["*"] if own.kwonlyargs else [])]
         arguments += map(_format_argument, own.kwonlyargs, own.kw_defaults)
         signature = f"{name}(\n{''.join(f'    {argument},{chr(10)}' for argument in arguments)}){returns}"
-        parts = _translate(ast.get_docstring(node))
+        parts = [*_translate(ast.get_docstring(node))]
     else:
-        signature, parts = f"class {name}", _describe_class(module, node)
+        # The docstring; the fields that describe themselves, inherited ones first; and what it offers
+        signature = f"class {name}"
+        before, mark, examples = (ast.get_docstring(node) or "").partition("\nExamples\n")
+        parts = [*_translate(before)]
+        if fields := "\n".join(_list_fields(module, node)):
+            parts.append(f"**Fields**\n\n{fields}")
+        offered = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name[0] != "_"]
+        if offered:
+            parts.append("**Offers**\n\n" + "\n".join(map(_describe_method, offered)))
+        parts += _translate(f"Examples\n{examples}" if mark else "")
     return "\n\n".join([f"## {name}", f"```\n{signature}\n```", *parts])
 
 
@@ -133,19 +142,6 @@ def _parse(module: str) -> ast.Module:
     if spec is None or spec.origin is None:
         raise ImportError(module)
     return ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-
-
-def _describe_class(module: str, node: ast.ClassDef) -> Iterator[str]:
-    """The docstring; the fields that describe themselves, inherited ones first; and what it offers."""
-    docstring = ast.get_docstring(node) or ""
-    before, mark, examples = docstring.partition("\nExamples\n")
-    yield from _translate(before)
-    if fields := "\n".join(_list_fields(module, node)):
-        yield f"**Fields**\n\n{fields}"
-    offered = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name[0] != "_"]
-    if offered:
-        yield "**Offers**\n\n" + "\n".join(map(_describe_method, offered))
-    yield from _translate(f"Examples\n{examples}" if mark else "")
 
 
 def _list_fields(module: str, node: ast.ClassDef) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TypeVar
 
@@ -104,7 +103,19 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
     shown = find_seen(trial.markers)
     hidden = np.zeros_like(shown)
     repairs = []
-    for one, other, usual in _find_meeting(trial):
+    # Columns of markers that are usually apart, and at one point at times; how far they usually are, m
+    meeting = []
+    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
+    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
+    some = trial.markers[::step, named]
+    for k in range(len(named) - 1):
+        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
+        close = square < ONE_POINT_M**2  # never where one is not seen
+        for after in np.flatnonzero(close.any(axis=0)).tolist():
+            usual = float(np.sqrt(np.nanquantile(square[:, after], _USUAL)))
+            if usual > APART_M:
+                meeting.append((named[k], named[k + 1 + after], usual))
+    for one, other, usual in meeting:
         distance = np.linalg.norm(trial.markers[:, one] - trial.markers[:, other], axis=1)
         near = distance < ONE_POINT_M
         merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
@@ -119,20 +130,6 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
-
-
-def _find_meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
-    """Columns of markers that are usually apart, and at one point at times; how far they usually are, m."""
-    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
-    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
-    some = trial.markers[::step, named]
-    for k in range(len(named) - 1):
-        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
-        near = square < ONE_POINT_M**2  # never where one is not seen
-        for other in np.flatnonzero(near.any(axis=0)).tolist():
-            usual = float(np.sqrt(np.nanquantile(square[:, other], _USUAL)))
-            if usual > APART_M:
-                yield named[k], named[k + 1 + other], usual
 
 
 def remove_jitter(trial: _AnyTrial) -> _AnyTrial:

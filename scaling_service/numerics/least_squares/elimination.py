@@ -262,7 +262,16 @@ def solve_step(
             mass[parent] += mass[row]
     free = scaled[:, 6].copy()
     promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
-    return _descend(plan, twist, scaled[:, :6], free), promised
+    # From the root to the leaves: each column's step, given how its link is carried along
+    motion = np.zeros((len(plan.row_of_link), 6, n))
+    for depth in reversed(plan.depths):
+        for row, parent in depth.carried:
+            motion[row] = motion[parent]
+        for rows, columns in reversed(depth.rounds):
+            carried, own = motion[rows], free[columns]
+            own -= np.einsum("gjn,gjn->gn", scaled[columns, :6], carried)
+            carried += twist[columns] * own[:, None]
+    return free, promised
 
 
 def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:
@@ -282,16 +291,3 @@ def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
         for row, parent in depth.carried:
             load[parent] += load[row]
     return compute_wrench_rate(twist, load[plan.column_row])
-
-
-def _descend(plan: Elimination, twist: Array, scaled: Array, free: Array) -> Array:
-    """From the root to the leaves: each column's step, given how its link is carried along (in ``free``)."""
-    motion = np.zeros((len(plan.row_of_link), 6, free.shape[1]))
-    for depth in reversed(plan.depths):
-        for row, parent in depth.carried:
-            motion[row] = motion[parent]
-        for rows, columns in reversed(depth.rounds):
-            carried, own = motion[rows], free[columns]
-            own -= np.einsum("gjn,gjn->gn", scaled[columns], carried)
-            carried += twist[columns] * own[:, None]
-    return free

@@ -251,7 +251,19 @@ class SubjectDocument(_Strict):
                     "Keep it there if it is one of the model's markers, else here",
                     f"extra_markers.{label}",
                 )
-        self._check_trials()
+        names = [PurePath(path).name for path in self.trials.files]
+        named: dict[str, Iterable[str]] = {
+            "forces": self.forces,
+            "corrections": self.corrections,
+            "mirrored": self.mirrored,
+        }
+        for field, trial in ((field, trial) for field, trials in named.items() for trial in trials):
+            if trial not in names:
+                raise _make_error(
+                    "no trial has this file name",
+                    f"Use the file name of a trial: {', '.join(names)}",
+                    f"{field}.{trial}",
+                )
         for name, value in self.sizes.items():
             limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
             if limits is None:
@@ -272,19 +284,3 @@ class SubjectDocument(_Strict):
     def sizes_m(self) -> dict[str, float]:
         """The sizes in m, by name without unit."""
         return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
-
-    def _check_trials(self) -> None:
-        names = [PurePath(path).name for path in self.trials.files]
-        fields: dict[str, Iterable[str]] = {
-            "forces": self.forces,
-            "corrections": self.corrections,
-            "mirrored": self.mirrored,
-        }
-        for field, trials in fields.items():
-            for trial in trials:
-                if trial not in names:
-                    raise _make_error(
-                        "no trial has this file name",
-                        f"Use the file name of a trial: {', '.join(names)}",
-                        f"{field}.{trial}",
-                    )

@@ -300,7 +300,26 @@ def make_slug(title: str) -> str:
 @cache
 def list_sections() -> tuple[Section, ...]:
     """All sections of all pages."""
-    return tuple(section for name in list_pages() for section in _split(name))
+    found = []
+    for name in list_pages():
+        page_title, title, anchor, heading = read_title(name), "", "", False
+        text: list[str] = []
+        for token in (*parse(name), Token("heading_open", "h1", 1)):
+            if token.type == "heading_open":
+                if title:
+                    said = " ".join(text)
+                    found.append(
+                        Section(page=name, page_title=page_title, anchor=anchor, title=title, text=said)
+                    )
+                heading, text = True, []
+                anchor = "" if token.tag == "h1" else str(token.attrGet("id"))
+            elif token.type in ("inline", "fence", "code_block"):
+                if heading:
+                    title, heading = token.content, False
+                else:
+                    parts = [child.content or " " for child in token.children or ()]
+                    text.append(token.content if token.children is None else "".join(parts))
+    return tuple(found)
 
 
 def read_title(name: str) -> str:
@@ -309,27 +328,6 @@ def read_title(name: str) -> str:
         return render_notebook(name).partition("\n")[0].removeprefix("# ")
     with (FOLDER / f"{name}.md").open(encoding="utf-8") as page:
         return page.readline().removeprefix("# ").rstrip()
-
-
-def _split(name: str) -> Iterator[Section]:
-    page_title, title, anchor = read_title(name), "", ""
-    text: list[str] = []
-    heading = False
-    for token in parse(name):
-        if token.type == "heading_open":
-            if title:
-                yield Section(
-                    page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text)
-                )
-            heading, text = True, []
-            anchor = "" if token.tag == "h1" else str(token.attrGet("id"))
-        elif token.type in ("inline", "fence", "code_block"):
-            if heading:
-                title, heading = token.content, False
-            else:
-                parts = [child.content or " " for child in token.children or ()]
-                text.append(token.content if token.children is None else "".join(parts))
-    yield Section(page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text))
 
 
 def search(words: str) -> list[Section]:

@@ -245,7 +245,16 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
     repairs = []
     for k, plate in enumerate(forces.plates):
         known = forces.known[:, k]
-        bad = _find_spikes(np.where(known[:, None], force[:, k], 0.0)) & known
+        # Samples off the course of those beside them
+        seen = np.where(known[:, None], force[:, k], 0.0)
+        off = np.abs(seen - ndimage.median_filter(seen, (2 * _BESIDE + 1, 1), mode="nearest"))
+        bad, at = np.zeros_like(known), np.arange(len(seen))
+        for path, away in zip(seen.T, off.T, strict=True):
+            high = away > SPIKE_N
+            if high.any():
+                course = np.interp(at, at[~high], path[~high])
+                bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
+                bad |= high & (away > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1)) & known
         good = known & ~bad
         if not bad.any() or not good.any():
             continue
@@ -260,18 +269,6 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
             Repair(what="spikes", where=where, detail=detail, frames=int(bad.sum()), off=float(rms.max()))
         )
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
-
-
-def _find_spikes(force: Array) -> Mask:
-    """Samples of one plate's force (n, 3) off the course of those beside them."""
-    off = np.abs(force - ndimage.median_filter(force, (2 * _BESIDE + 1, 1), mode="nearest"))
-    spikes = np.zeros_like(off, dtype=bool)
-    for axis in np.flatnonzero((off > SPIKE_N).any(axis=0)).tolist():
-        high, at = off[:, axis] > SPIKE_N, np.arange(len(force))
-        course = np.interp(at, at[~high], force[~high, axis])
-        bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
-        spikes[:, axis] = high & (off[:, axis] > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1))
-    return np.asarray(spikes.any(axis=1))
 
 
 def note_dead_channels(forces: GroundForces) -> GroundForces:

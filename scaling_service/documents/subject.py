@@ -113,27 +113,20 @@ class Trials(_Strict):
                     "Remove it from one of the two, or record another trial",
                     "evaluation",
                 )
-        self._refuse_equal_stems()
-        return self
-
-    def _refuse_equal_stems(self) -> None:
         # The static trial may serve for calibration as well; it then is one recording, not two.
         others = [self.static] if self.static and self.static not in self.calibration else []
+        kinds = {"static": others, "calibration": self.calibration, "evaluation": self.evaluation}
         seen: dict[str, str] = {}
-        for field, paths in (
-            ("static", others),
-            ("calibration", self.calibration),
-            ("evaluation", self.evaluation),
-        ):
-            for path in paths:
-                stem = PurePath(path).stem
-                if stem in seen:
-                    raise _make_error(
-                        f"'{path}' and '{seen[stem]}' have the same name without suffix",
-                        "Results are named by it: remove or rename one of them",
-                        field,
-                    )
-                seen[stem] = path
+        for field, path in ((field, path) for field, paths in kinds.items() for path in paths):
+            stem = PurePath(path).stem
+            if stem in seen:
+                raise _make_error(
+                    f"'{path}' and '{seen[stem]}' have the same name without suffix",
+                    "Results are named by it: remove or rename one of them",
+                    field,
+                )
+            seen[stem] = path
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -265,7 +258,19 @@ class SubjectDocument(_Strict):
                     "Keep it there if it is one of the model's markers, else here",
                     f"extra_markers.{label}",
                 )
-        self._check_trials()
+        names = [PurePath(path).name for path in self.trials.files]
+        named: dict[str, Iterable[str]] = {
+            "forces": self.forces,
+            "corrections": self.corrections,
+            "mirrored": self.mirrored,
+        }
+        for field, trial in ((field, trial) for field, trials in named.items() for trial in trials):
+            if trial not in names:
+                raise _make_error(
+                    "no trial has this file name",
+                    f"Use the file name of a trial: {', '.join(names)}",
+                    f"{field}.{trial}",
+                )
         for name, value in self.sizes.items():
             limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
             if limits is None:
@@ -286,19 +291,3 @@ class SubjectDocument(_Strict):
     def sizes_m(self) -> dict[str, float]:
         """The sizes in m, by name without unit."""
         return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
-
-    def _check_trials(self) -> None:
-        names = [PurePath(path).name for path in self.trials.files]
-        fields: dict[str, Iterable[str]] = {
-            "forces": self.forces,
-            "corrections": self.corrections,
-            "mirrored": self.mirrored,
-        }
-        for field, trials in fields.items():
-            for trial in trials:
-                if trial not in names:
-                    raise _make_error(
-                        "no trial has this file name",
-                        f"Use the file name of a trial: {', '.join(names)}",
-                        f"{field}.{trial}",
-                    )

@@ -258,15 +258,6 @@ class _Plate:
             problem = f"{self._name} has corners that span {area:.3g} m², which no plate does"
             raise self._refuse(problem, "CORNERS", "Measure the plate's corners")
         origin = self._matrix("ORIGIN", (3,)) * length
-        columns = self._columns()
-        signals = self._without_baseline(self._content.analog[:, columns].astype(float))
-        factors = self._factors(columns, length)
-        if self._kind == 4:
-            signals = signals @ self._matrix("CAL_MATRIX", (6, 6)).T
-        return forces.RawPlate(self._kind, corners, origin, signals * factors)
-
-    def _columns(self) -> list[int]:
-        """The columns of its channels."""
         count, have = CHANNELS[self._kind], self._content.analog.shape[1]
         channels = self._matrix("CHANNEL", (None,))[:count].astype(int) - 1
         if len(channels) < count or channels.min() < 0 or channels.max() >= have:
@@ -275,8 +266,12 @@ class _Plate:
                 "CHANNEL",
                 "Export the recording again with all channels of the plates",
             )
-        columns: list[int] = channels.tolist()
-        return columns
+        columns = channels.tolist()
+        signals = self._without_baseline(self._content.analog[:, columns].astype(float))
+        factors = self._factors(columns, length)
+        if self._kind == 4:
+            signals = signals @ self._matrix("CAL_MATRIX", (6, 6)).T
+        return forces.RawPlate(self._kind, corners, origin, signals * factors)
 
     def _factors(self, columns: list[int], length: float) -> Array:
         """What makes each channel SI. Type 4 holds volts: its matrix gives N and N times the length unit."""

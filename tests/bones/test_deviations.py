@@ -181,6 +181,21 @@ def test_an_ankle_as_a_clinical_image_shows_it(shared_data: Path) -> None:
     assert off < 2.0 * tibia.deviations["ankle_centre_malleoli"]
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_subtalar_axis_of_a_standing_ankle_stays_with_noise(seed: int, shared_data: Path) -> None:
+    """The third grain of noise took the head's best sphere below its limit."""
+    folder = shared_data / "bones/ankle_wbct"
+    if not (folder / "talus_r.stl").is_file():
+        pytest.skip(f"no ankle at {folder}")
+    clean = read_bones(folder)
+    vertices, faces = merge_vertices(*clean["talus_r"])
+    noisy = vertices + 5e-4 * np.random.default_rng(seed).normal(size=vertices.shape), faces
+    axes = [
+        find_landmarks({**clean, "talus_r": talus})["talus_r"].axes for talus in (clean["talus_r"], noisy)
+    ]
+    assert abs(float(axes[0]["subtalar"] @ axes[1]["subtalar"])) > np.cos(np.deg2rad(3.0))
+
+
 def test_worse_meshes_and_shorter_lines_deviate_more() -> None:
     plain = find_landmarks({"femur_r": bones.metres(bones.femur())})["femur_r"]
     vertices, faces = bones.metres(bones.femur())

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.motion.document import MotionDocument
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
+from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject, WithTables
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import DOCUMENT, require_plain_name
@@ -17,7 +17,7 @@ from scaling_service.documents.reading import check_document, read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
 
 
-class MotionRequest(OfOneSubject, MotionOptions):
+class MotionRequest(OfOneSubject, WithTables, MotionOptions):
     """Follow recordings with a model that exists: coordinates with their standard deviations.
 
     The model may be one that scaling, dynamics, consistent or discovery made: upload its `model.json` as a
@@ -97,8 +97,10 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     """
     from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions
+    from scaling_service.capabilities.shared.tables import make_table_writer
     from scaling_service.capabilities.subject.loading import read_model
 
+    write_tables = make_table_writer(request.tables, outputs)
     folder = inputs / request.subject
     document = read_document(folder / DOCUMENT)
     name, marker_set = request.choose_model(document), request.marker_set(document)
@@ -131,7 +133,9 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
         subject_file=folder / DOCUMENT,
         progress=progress,
     )
-    return save_motions(tracked, outputs).model_dump(mode="json")
+    saved = save_motions(tracked, outputs)
+    write_tables(tracked.tables, saved)
+    return saved.model_dump(mode="json")
 
 
 KINDS = {"motion": Kind(request=MotionRequest, work=work, route="motions", result=MotionDocument)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,12 +19,15 @@ _SOURCE = {"code_version", "subject", "settings", "seed", "input_hashes"}
 """What a table says of where its numbers come from."""
 
 
-def make_table_writer(forms: str, out: Path) -> Callable[[Mapping[str, ResultTable], BaseModel], None]:
-    """What writes tables under a command's folder; their forms are checked now, before anything is computed.
+def make_table_writer(
+    forms: str | Sequence[str], out: Path
+) -> Callable[[Mapping[str, ResultTable], BaseModel], None]:
+    """What writes tables under a folder of results; their forms are checked before anything is computed.
 
-    ``forms``: as typed. Raises InputError: one is unknown. Raises DependencyMissing: a library is absent.
+    ``forms``: as typed, or each by itself. Raises InputError: one is unknown.
+    Raises DependencyMissing: a library is absent.
     """
-    chosen = check_forms(forms)
+    chosen = check_forms(forms if isinstance(forms, str) else ",".join(forms))
 
     def write(tables: Mapping[str, ResultTable], document: BaseModel) -> None:
         if chosen:

@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.capabilities.motion.beside_markers import find_beside_markers
+from scaling_service.capabilities.motion.beside_markers import find_beside_markers, share_world
 from scaling_service.capabilities.motion.everyday import holds_skin, pack_posterior, pose_problem
 from scaling_service.capabilities.motion.frames import (
     HEADING,
@@ -131,7 +131,10 @@ def mount(
     both = next((t for t in measured if t.labels and get_rotations(t).of == "sensors"), None)
     if both is not None:
         beside = find_beside_markers(model, both, segments, turned=turned)
-        hypotheses = hypotheses if beside is None else [beside]
+        if beside is not None:
+            trials, beside = share_world(model, trials, segments, beside, turned=turned)
+            measured = [t for t in trials if t.rotations is not None]
+            hypotheses = [beside]
     chosen, misfits = _choose(model, measured, segments, noise, hypotheses)
     calibrating = None
     if chosen.calibrated:

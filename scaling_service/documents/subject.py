@@ -115,17 +115,26 @@ class Trials(_Strict):
                 )
         # The static trial may serve for calibration as well; it then is one recording, not two.
         others = [self.static] if self.static and self.static not in self.calibration else []
-        kinds = {"static": others, "calibration": self.calibration, "evaluation": self.evaluation}
-        seen: dict[str, str] = {}
-        for field, path in ((field, path) for field, paths in kinds.items() for path in paths):
-            stem = PurePath(path).stem
-            if stem in seen:
-                raise _make_error(
-                    f"'{path}' and '{seen[stem]}' have the same name without suffix",
-                    "Results are named by it: remove or rename one of them",
-                    field,
-                )
-            seen[stem] = path
+        seen: dict[tuple[str, bool], tuple[str, str]] = {}
+        for field, paths in (
+            ("static", others),
+            ("calibration", self.calibration),
+            ("evaluation", self.evaluation),
+        ):
+            for path in paths:
+                name = PurePath(path)
+                of_sensors = name.suffix.lower() == ".sto"
+                like = seen.get((name.stem, of_sensors))
+                beside = seen.get((name.stem, not of_sensors))
+                # Markers and sensors of one movement are one recording.
+                other = like or (beside if beside is not None and beside[0] != field else None)
+                if other is not None:
+                    raise _make_error(
+                        f"'{path}' and '{other[1]}' have the same name without suffix",
+                        "Results are named by it: remove or rename one of them",
+                        field,
+                    )
+                seen[name.stem, of_sensors] = (field, path)
         return self
 
     @property

@@ -69,6 +69,7 @@ export interface AxisEntry {
 }
 
 export interface BatchRequest {
+  tables?: Array<"csv" | "parquet" | "bids">;
   subjects: Array<string>;
   groups?: Record<string, Record<string, string>>;
   methods?: Array<string> | null;
@@ -275,6 +276,7 @@ export interface ConsistentRequest {
   start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
 }
@@ -384,6 +386,7 @@ export interface DiscoverRequest {
   start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
 }
@@ -452,6 +455,7 @@ export interface DynamicsRequest {
   free_mass?: boolean;
   sides_apart?: boolean;
   despite_verdict?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
 }
@@ -728,6 +732,7 @@ export interface JointAnglesRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -773,6 +778,7 @@ export interface KinematicErrorRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -809,6 +815,7 @@ export interface LandmarksDocument {
 }
 
 export interface LandmarksRequest {
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   bones?: Record<string, string> | null;
   units?: "mm" | "cm" | "m" | "detect";
@@ -834,6 +841,7 @@ export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -974,6 +982,7 @@ export interface MotionRequest {
   up?: string | null;
   forward?: string | null;
   smooth_hz?: number | null;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   model?: string | null;
   recordings?: Array<string> | null;
@@ -1033,6 +1042,7 @@ export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am" | "MAP";
@@ -1295,6 +1305,7 @@ export interface ScalingRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -1350,6 +1361,7 @@ export interface SegmentLengthsRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;

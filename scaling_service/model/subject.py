@@ -10,7 +10,7 @@ from typing import Literal
 
 from scaling_service.core.notes import Note
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import ImageEvidence, Relabelling, Trial
+from scaling_service.model.trial import GaitEvent, ImageEvidence, Relabelling, Trial
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 _NO_SIZES: Mapping[str, float] = MappingProxyType({})
@@ -46,6 +46,8 @@ class Subject:
         A trial's file name to labels that are wrong in it.
     mirrored : mapping of str to str
         A trial's file name to the axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
+    events : mapping of str to tuple of GaitEvent
+        A trial's file name to its events of gait, in place of the file's own.
     bones : mapping of str to Path
         Segment to mesh file, in ``bone_units``.
     bone_units : str
@@ -80,6 +82,7 @@ class Subject:
     forces: Mapping[str, Path] = field(default_factory=dict)
     corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
     mirrored: Mapping[str, str] = field(default_factory=dict)
+    events: Mapping[str, tuple[GaitEvent, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
     bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)

@@ -50,12 +50,12 @@ from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
-from scaling_service.capabilities.subject.reading import list_relabellings, make_subject
+from scaling_service.capabilities.subject.reading import list_events, list_relabellings, make_subject
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.text import list_few
 from scaling_service.documents.reading import check_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, Correction
+from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, GaitEventEntry
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.table_files import ArrayFiles
@@ -240,6 +240,10 @@ class _Look:
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
+            events = (self.known.get("events") or {}).get(item.file)
+            if events is not None:
+                told = list_events(TypeAdapter(list[GaitEventEntry]).validate_python(events))
+                item = replace(item, trial=replace(item.trial, events=told))
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item
             whole = item.trial.take_unlabelled({label for one in wanted for label in one.labels})
@@ -303,7 +307,14 @@ class _Look:
         self.axes = make_axes_entry(axes, *given)
         for item in self.seen:
             try:
-                entry, trial = check_recording(item, axes, self._ground(item), given, files)
+                entry, trial = check_recording(
+                    item,
+                    axes,
+                    self._ground(item),
+                    given,
+                    files,
+                    events_given=item.file in (self.known.get("events") or {}),
+                )
             except InputError as error:
                 self.problems.append(make_problem(error, file=item.file))
             else:

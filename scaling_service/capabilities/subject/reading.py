@@ -15,12 +15,12 @@ from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.notes import Note
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
+from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, GaitEventEntry, SubjectDocument
 from scaling_service.files.recording import READERS
 from scaling_service.files.segmentation import list_tables
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import MeasuredSizes, Relabelling, Trial, merge
+from scaling_service.model.trial import GaitEvent, MeasuredSizes, Relabelling, Trial, merge
 
 _Held = TypeVar("_Held")
 _Made = TypeVar("_Made")
@@ -87,6 +87,7 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
         forces=find.all(document.forces, "forces"),
         corrections={name: list_relabellings(found) for name, found in document.corrections.items()},
         mirrored=dict(document.mirrored),
+        events={name: list_events(found) for name, found in document.events.items()},
         bones=find.images(document.bones.meshes if document.bones else {}),
         bone_units=document.bones.units if document.bones else "mm",
         bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
@@ -98,6 +99,12 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
 def list_relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
     """What a document says of wrong labels in one recording."""
     return tuple(Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
+
+
+def list_events(entries: Iterable[GaitEventEntry]) -> tuple[GaitEvent, ...]:
+    """What a document says of gait in one recording, in the order of time."""
+    found = (GaitEvent(one.side, one.kind, one.time_s) for one in entries)
+    return tuple(sorted(found, key=lambda event: event.time_s))
 
 
 class _Finder:

@@ -112,6 +112,17 @@ subject_files = Table(
     ForeignKeyConstraint(["owner", "subject"], ["subjects.owner", "subjects.id"], ondelete="CASCADE"),
 )
 
+notes = Table(
+    "notes",
+    metadata,
+    Column("owner", String(200), primary_key=True),
+    Column("subject", String(200), primary_key=True),
+    Column("document", Text, nullable=False),
+    Column("updated_us", BigInteger, nullable=False),
+    ForeignKeyConstraint(["owner", "subject"], ["subjects.owner", "subjects.id"], ondelete="CASCADE"),
+)
+"""What people wrote about a subject's results, and who signed it."""
+
 jobs = Table(
     "jobs",
     metadata,
@@ -219,6 +230,14 @@ class SubjectRow:
 @dataclass(frozen=True, slots=True)
 class MarkerMapRow:
     """An owner's map of labels, as JSON."""
+
+    document: str
+    updated_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoteRow:
+    """A subject's note, as JSON."""
 
     document: str
     updated_us: int

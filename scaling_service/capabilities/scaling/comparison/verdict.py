@@ -134,7 +134,7 @@ def _explain(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
         )
     if chosen.by_people:
         known = list_few([spell_parameter(name) for name in chosen.by_people])
-        yield f"People in general say more of {known} than these recordings."
+        yield f"People in general say more about {known} than these recordings do."
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
     nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]

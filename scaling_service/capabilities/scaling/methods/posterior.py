@@ -402,6 +402,6 @@ def _list_warnings(found: Posterior, estimated: Sequence[EstimatedParameter]) ->
     if loose:
         known = list_few([spell_parameter(name) for name in loose])
         yield (
-            f"MAP: people's ordinary sizes say more of {known} than these recordings; "
+            f"MAP: people's ordinary sizes say more about {known} than these recordings; "
             "the deviations stated count that"
         )

@@ -313,7 +313,7 @@ export interface Correction {
 
 export interface CorrectionEntry {
   file: string;
-  labels: Record<string, string | null>;
+  labels: Record<string, string>;
   from_s: number;
   to_s: number;
 }
@@ -481,6 +481,13 @@ export interface EstimateDocument {
   parameters: Record<string, QuantityDocument>;
 }
 
+export interface EventProof {
+  side: "r" | "l";
+  kind: "strike" | "off";
+  time_s: number;
+  source: "document" | "file" | "plates";
+}
+
 export interface EvidenceDocument {
   gain_held_out: number | null;
   log_odds: number | null;
@@ -588,6 +595,12 @@ export interface GaitEntry {
   held_out: boolean;
   reason: string;
   angles: Record<string, CycleEntry>;
+}
+
+export interface GaitEventEntry {
+  side: "r" | "l";
+  kind: "strike" | "off";
+  time_s: number;
 }
 
 export interface GaitScene {
@@ -1217,6 +1230,7 @@ export interface RecordingProof {
   labels: Array<LabelEntry>;
   markers: ArrayEntry;
   plates: Array<PlateEntry>;
+  events: Array<EventProof>;
   forces_from: string | null;
   force: ArrayEntry | null;
   centre_of_pressure: ArrayEntry | null;
@@ -1423,6 +1437,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   mirrored?: Record<string, "x" | "y" | "z">;
+  events?: Record<string, Array<GaitEventEntry>>;
   bones?: Bones | null;
   bone_bodies?: Record<string, string>;
   image_markers?: string | null;
@@ -1442,6 +1457,19 @@ export interface SubjectEntry {
   strides: Record<string, number>;
   no_strides: Record<string, string>;
   wall_s: number;
+}
+
+export interface SubjectNote {
+  text: string;
+  signed_by?: string | null;
+  results?: Array<string>;
+}
+
+export interface SubjectNoteDocument {
+  text: string;
+  signed_by?: string | null;
+  results?: Array<string>;
+  updated_at: string | null;
 }
 
 export interface SubjectPage {

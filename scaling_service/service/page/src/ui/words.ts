@@ -55,8 +55,8 @@ export function words(name: string): string {
 export function spoken(text: string): string {
   return text.replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b/g, (name) => {
     const [stem = name, side] = words(name).split(", ");
-    return side === undefined ? stem.replace(/ t([xyz])$/, " along $1") : `${side} ${stem}`;
-  });
+    return side === undefined ? stem.replace(/ t([xyz])$/, " moving along $1") : `${side} ${stem}`;
+  }).replace(/ along ([xyz]) of the room/g, " (seen along $1 of the room)").replace(/\bplate_(\d+)/g, "plate $1");
 }
 
 /** A number's name with its unit: `x_mm_per_deg` is "x, mm per deg". */

@@ -61,18 +61,18 @@ def spell_name(name: str) -> str:
 _OF_PARAMETERS = {"scale": "length", "axis": "axis", "centre": "centre"}
 
 
-def spell_parameter(name: str) -> str:
-    """A number of a model for people: what of which part.
+def spell_parameters(names: Iterable[str]) -> list[str]:
+    """Numbers of a model for people: what of which part; components of one place once.
 
     Examples
     --------
-    >>> spell_parameter("scale.femur_l"), spell_parameter("axis.knee_r.x"), spell_parameter("scale.pelvis")
-    ("the left femur's length", "the right knee's axis, x", "the pelvis's length")
+    >>> spell_parameters(["scale.femur_l", "centre.hip_r.x", "centre.hip_r.z"])
+    ["the left femur's length", "the right hip's centre"]
     """
-    group, _, place = name.partition(".")
-    stem, *components = place.split(".")
-    if group not in _OF_PARAMETERS or not stem:
-        return name
-    words, _, side = spell_name(stem).partition(", ")
-    of = f"the {side + ' ' if side else ''}{words}'s {_OF_PARAMETERS[group]}"
-    return ", ".join((of, *components))
+    found = []
+    for name in names:
+        group, _, place = name.partition(".")
+        words, _, side = spell_name(place.split(".")[0]).partition(", ")
+        known = group in _OF_PARAMETERS and place
+        found.append(f"the {side + ' ' if side else ''}{words}'s {_OF_PARAMETERS[group]}" if known else name)
+    return list(dict.fromkeys(found))

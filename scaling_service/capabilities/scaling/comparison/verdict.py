@@ -20,7 +20,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
-from scaling_service.report.words import spell_name, spell_parameter
+from scaling_service.report.words import spell_name, spell_parameters
 
 ANSWER = "MAP"
 """The method that weighs markers, images and what is ordinary in people, and states what is left open."""
@@ -133,7 +133,7 @@ def _explain(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
             "counts what they leave open; deviations are one standard deviation of the worst."
         )
     if chosen.by_people:
-        known = list_few([spell_parameter(name) for name in chosen.by_people])
+        known = list_few(spell_parameters(chosen.by_people))
         yield f"People in general say more about {known} than these recordings do."
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}

@@ -53,7 +53,7 @@ export function words(name: string): string {
 
 /** Names of coordinates, joints and segments within a sentence of the service, as people say them; those of files stay. */
 export function spoken(text: string): string {
-  return text.replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b/g, (name) => {
+  return text.replaceAll("(inter hip)", "(between the hips)").replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b/g, (name) => {
     const [stem = name, side] = words(name).split(", ");
     return side === undefined ? stem.replace(/ t([xyz])$/, " moving along $1") : `${side} ${stem}`;
   }).replace(/ along ([xyz]) of the room/g, " (seen along $1 of the room)").replace(/\bplate_(\d+)/g, "plate $1");

@@ -208,6 +208,14 @@ class Correction(_Strict):
         return self
 
 
+class GaitEventEntry(_Strict):
+    """A foot meets the ground or leaves it."""
+
+    side: Literal["r", "l"]
+    kind: Literal["strike", "off"] = Field(description="It meets the ground, or leaves it.")
+    time_s: float = Field(description="By the recording's clock.")
+
+
 class SubjectDocument(_Strict):
     """The whole subject document.
 
@@ -227,6 +235,10 @@ class SubjectDocument(_Strict):
     )
     mirrored: dict[Name, Literal["x", "y", "z"]] = Field(
         default={}, description="A trial's file name to the axis along which its markers are mirrored."
+    )
+    events: dict[Name, list[GaitEventEntry]] = Field(
+        default={},
+        description="A trial's file name to its heel strikes and toe-offs, in place of the file's own.",
     )
     bones: Bones | None = None
     bone_bodies: dict[BoneName, Name] = Field(
@@ -272,6 +284,7 @@ class SubjectDocument(_Strict):
             "forces": self.forces,
             "corrections": self.corrections,
             "mirrored": self.mirrored,
+            "events": self.events,
         }
         for field, trial in ((field, trial) for field, trials in named.items() for trial in trials):
             if trial not in names:

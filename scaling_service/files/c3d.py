@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,16 @@ from scaling_service.core.arrays import Array
 from scaling_service.documents.subject import RANGES_M
 from scaling_service.files import c3d_file, c3d_parameters, recording, tables
 from scaling_service.model import forces, trial
+
+_EVENTS: Mapping[str, Literal["strike", "off"]] = {
+    "foot strike": "strike",
+    "heel strike": "strike",
+    "foot off": "off",
+    "toe off": "off",
+}
+"""What systems call events of gait (Vicon, Motion Analysis)."""
+
+_SIDES: Mapping[str, Literal["r", "l"]] = {"right": "r", "left": "l"}
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Number of channels of the plate types that are supported (C3D user guide, "Force plate types")."""
@@ -125,6 +135,7 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
         rate_hz=content.rate_hz,
         repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice, *of_poses),
         rotations=rotations,
+        events=_read_events(content),
         sizes=read_stated_sizes(content.parameters),
         unit=content.point_unit or recording.NOT_STATED,
         plates=plates,
@@ -132,6 +143,27 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
             name=file.stem, times=times, labels=nobodys, markers=theirs, rate_hz=content.rate_hz
         ),
     )
+
+
+def _read_events(content: c3d_file.C3dFile) -> tuple[trial.GaitEvent, ...]:
+    """Heel strikes and toe-offs that somebody marked, by time; those beyond the file are left out.
+
+    Their times count from the recording's first frame, of which the file may hold a later part (C3D user
+    guide, "The EVENT group": minutes and seconds of each).
+    """
+    group = content.parameters.get("EVENT", {})
+    names, sides, times = (group.get(name) or [] for name in ("LABELS", "CONTEXTS", "TIMES"))
+    if len(times) != 2 or not isinstance(times[0], list):
+        return ()
+    begun, end = (content.first - 1) / content.rate_hz, len(content.points) / content.rate_hz
+    found = []
+    for name, context, minutes, seconds in zip(names, sides, *times, strict=False):
+        kind = _EVENTS.get(str(name).strip().lower())
+        side = _SIDES.get(str(context).strip().lower())
+        at = 60.0 * minutes + seconds - begun
+        if kind is not None and side is not None and 0.0 <= at < end:
+            found.append(trial.GaitEvent(side, kind, at))
+    return tuple(sorted(found, key=lambda event: event.time_s))
 
 
 def _read_rotations(

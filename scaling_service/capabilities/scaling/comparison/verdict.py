@@ -20,7 +20,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
-from scaling_service.report.words import spell_name, spell_parameter
+from scaling_service.report.words import spell_name, spell_parameters
 
 ANSWER = "MAP"
 """The method that weighs markers, images and what is ordinary in people, and states what is left open."""
@@ -91,8 +91,8 @@ def judge(evidence: Evidence) -> Verdict:
             "counts what they leave open; deviations are one standard deviation of the worst."
         )
     if chosen.by_people:
-        known = list_few([spell_parameter(name) for name in chosen.by_people])
-        why.append(f"People in general say more of {known} than these recordings.")
+        known = list_few(spell_parameters(chosen.by_people))
+        why.append(f"People in general say more about {known} than these recordings do.")
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
     nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]

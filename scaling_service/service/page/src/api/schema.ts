@@ -315,7 +315,7 @@ export interface Correction {
 
 export interface CorrectionEntry {
   file: string;
-  labels: Record<string, string | null>;
+  labels: Record<string, string>;
   from_s: number;
   to_s: number;
 }
@@ -486,6 +486,13 @@ export interface EstimateDocument {
   parameters: Record<string, QuantityDocument>;
 }
 
+export interface EventProof {
+  side: "r" | "l";
+  kind: "strike" | "off";
+  time_s: number;
+  source: "document" | "file" | "plates";
+}
+
 export interface EvidenceDocument {
   gain_held_out: number | null;
   log_odds: number | null;
@@ -593,6 +600,12 @@ export interface GaitEntry {
   held_out: boolean;
   reason: string;
   angles: Record<string, CycleEntry>;
+}
+
+export interface GaitEventEntry {
+  side: "r" | "l";
+  kind: "strike" | "off";
+  time_s: number;
 }
 
 export interface GaitScene {
@@ -1228,6 +1241,7 @@ export interface RecordingProof {
   labels: Array<LabelEntry>;
   markers: ArrayEntry;
   plates: Array<PlateEntry>;
+  events: Array<EventProof>;
   forces_from: string | null;
   force: ArrayEntry | null;
   centre_of_pressure: ArrayEntry | null;
@@ -1436,6 +1450,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   mirrored?: Record<string, "x" | "y" | "z">;
+  events?: Record<string, Array<GaitEventEntry>>;
   bones?: Bones | null;
   bone_bodies?: Record<string, string>;
   image_markers?: string | null;
@@ -1455,6 +1470,19 @@ export interface SubjectEntry {
   strides: Record<string, number>;
   no_strides: Record<string, string>;
   wall_s: number;
+}
+
+export interface SubjectNote {
+  text: string;
+  signed_by?: string | null;
+  results?: Array<string>;
+}
+
+export interface SubjectNoteDocument {
+  text: string;
+  signed_by?: string | null;
+  results?: Array<string>;
+  updated_at: string | null;
 }
 
 export interface SubjectPage {

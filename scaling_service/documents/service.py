@@ -208,6 +208,27 @@ MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]
 """Label in the recordings to model marker."""
 
 
+class SubjectNote(Part):
+    """What people write about a subject's results, and who signs it."""
+
+    text: str = Field(max_length=20_000, description="Anything, as it is to be read.")
+    signed_by: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="Who signs text and results; whoever writes anew without it takes the signature away.",
+    )
+    results: list[str] = Field(
+        default=[], max_length=100, description="The jobs whose results are signed.", examples=[["0f…"]]
+    )
+
+
+class SubjectNoteDocument(SubjectNote):
+    """A note as it is kept."""
+
+    updated_at: datetime | None = Field(description="When it was written or signed; null without a note.")
+
+
 class MarkerMap(Part):
     """Which label is which marker in a laboratory."""
 

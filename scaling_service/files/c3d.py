@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,16 @@ from scaling_service.core.arrays import Array
 from scaling_service.documents.subject import RANGES_M
 from scaling_service.files import c3d_file, c3d_parameters, recording, tables
 from scaling_service.model import forces, trial
+
+_EVENTS: Mapping[str, Literal["strike", "off"]] = {
+    "foot strike": "strike",
+    "heel strike": "strike",
+    "foot off": "off",
+    "toe off": "off",
+}
+"""What systems call events of gait (Vicon, Motion Analysis)."""
+
+_SIDES: Mapping[str, Literal["r", "l"]] = {"right": "r", "left": "l"}
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Number of channels of the plate types that are supported (C3D user guide, "Force plate types")."""
@@ -125,6 +135,7 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
         rate_hz=content.rate_hz,
         repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice, *of_poses),
         rotations=rotations,
+        events=_read_events(content),
         sizes=read_stated_sizes(content.parameters),
         unit=content.point_unit or recording.NOT_STATED,
         plates=plates,
@@ -132,6 +143,27 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
             name=file.stem, times=times, labels=nobodys, markers=theirs, rate_hz=content.rate_hz
         ),
     )
+
+
+def _read_events(content: c3d_file.C3dFile) -> tuple[trial.GaitEvent, ...]:
+    """Heel strikes and toe-offs that somebody marked, by time; those beyond the file are left out.
+
+    Their times count from the recording's first frame, of which the file may hold a later part (C3D user
+    guide, "The EVENT group": minutes and seconds of each).
+    """
+    group = content.parameters.get("EVENT", {})
+    names, sides, times = (group.get(name) or [] for name in ("LABELS", "CONTEXTS", "TIMES"))
+    if len(times) != 2 or not isinstance(times[0], list):
+        return ()
+    begun, end = (content.first - 1) / content.rate_hz, len(content.points) / content.rate_hz
+    found = []
+    for name, context, minutes, seconds in zip(names, sides, *times, strict=False):
+        kind = _EVENTS.get(str(name).strip().lower())
+        side = _SIDES.get(str(context).strip().lower())
+        at = 60.0 * minutes + seconds - begun
+        if kind is not None and side is not None and 0.0 <= at < end:
+            found.append(trial.GaitEvent(side, kind, at))
+    return tuple(sorted(found, key=lambda event: event.time_s))
 
 
 def _read_rotations(
@@ -258,15 +290,6 @@ class _Plate:
             problem = f"{self._name} has corners that span {area:.3g} m², which no plate does"
             raise self._refuse(problem, "CORNERS", "Measure the plate's corners")
         origin = self._matrix("ORIGIN", (3,)) * length
-        columns = self._columns()
-        signals = self._without_baseline(self._content.analog[:, columns].astype(float))
-        factors = self._factors(columns, length)
-        if self._kind == 4:
-            signals = signals @ self._matrix("CAL_MATRIX", (6, 6)).T
-        return forces.RawPlate(self._kind, corners, origin, signals * factors)
-
-    def _columns(self) -> list[int]:
-        """The columns of its channels."""
         count, have = CHANNELS[self._kind], self._content.analog.shape[1]
         channels = self._matrix("CHANNEL", (None,))[:count].astype(int) - 1
         if len(channels) < count or channels.min() < 0 or channels.max() >= have:
@@ -275,8 +298,12 @@ class _Plate:
                 "CHANNEL",
                 "Export the recording again with all channels of the plates",
             )
-        columns: list[int] = channels.tolist()
-        return columns
+        columns = channels.tolist()
+        signals = self._without_baseline(self._content.analog[:, columns].astype(float))
+        factors = self._factors(columns, length)
+        if self._kind == 4:
+            signals = signals @ self._matrix("CAL_MATRIX", (6, 6)).T
+        return forces.RawPlate(self._kind, corners, origin, signals * factors)
 
     def _factors(self, columns: list[int], length: float) -> Array:
         """What makes each channel SI. Type 4 holds volts: its matrix gives N and N times the length unit."""

@@ -49,6 +49,7 @@ class C3dFile:
     # reliable each is; None where the file has none
     poses: Array | None = None
     pose_labels: tuple[str, ...] = ()
+    first: int = 1  # number of the first frame in the recording that it was cut from
     repairs: tuple[Repair, ...] = ()  # what its statements disagree on, and what was decided
 
     @property
@@ -112,6 +113,7 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
             str(name).strip()
             for name in c3d_parameters.join_numbered(facts.parameters.get("ROTATION", {}), "LABELS")
         ),
+        first=facts.count("TRIAL", "ACTUAL_START_FIELD") or facts.first,
         repairs=(*facts.repairs, *of_layout, *of_rate),
     )
 

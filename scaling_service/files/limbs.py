@@ -76,24 +76,22 @@ def list_limbs(model: body.BodyModel) -> tuple[Limb, ...]:
             )
             frame = frame @ displace(joint, constant)
             for term in terms:
-                axes.append(_find_axis(segment, joint, term, frame, len(axes), leading))
+                coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
+                leads = abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading
+                if leads:
+                    leading.add(coordinate)
+                driven = DrivenAxis(
+                    name=coordinate if leads else f"{segment.name}_{joint.kind}_{len(axes)}",
+                    kind=joint.kind,
+                    axis=axis * term.gain if leads else axis,
+                    term=replace(term, gain=1.0) if leads else term,
+                    leads=leads,
+                    before=frame,
+                )
+                axes.append(driven)
                 frame = np.eye(4)
         limbs.append(Limb(segment, tuple(axes), frame))
     return tuple(limbs)
-
-
-def _find_axis(
-    segment: body.Segment, joint: body.Joint, term: body.Term, frame: Array, number: int, leading: set[str]
-) -> DrivenAxis:
-    coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
-    if abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading:
-        leading.add(coordinate)
-        plain = replace(term, gain=1.0)
-        return DrivenAxis(
-            name=coordinate, kind=joint.kind, axis=axis * term.gain, term=plain, leads=True, before=frame
-        )
-    name = f"{segment.name}_{joint.kind}_{number}"
-    return DrivenAxis(name=name, kind=joint.kind, axis=axis, term=term, leads=False, before=frame)
 
 
 def displace(joint: body.Joint, value: float) -> Array:

@@ -224,6 +224,8 @@ def _list_surfaces(
     volume: NDArray[Any], affine: Array, names: Mapping[int, str]
 ) -> Iterator[tuple[str, mesh.Mesh]]:
     """Name and surface of each label that is named and has enough voxels."""
+    import pyvista  # only here: it takes half a second
+
     boxes = find_objects(volume if volume.dtype.kind in "iu" else volume.astype(np.int32))
     for number, name in sorted(names.items()):
         box = boxes[number - 1] if 0 < number <= len(boxes) else None
@@ -235,21 +237,16 @@ def _list_surfaces(
         ]
         inside = volume[tuple(slice(*span) for span in spans)] == number
         if int(inside.sum()) >= _FEWEST_VOXELS:
-            yield name, _extract_surface(inside, affine, np.array([low for low, _ in spans]))
-
-
-def _extract_surface(inside: NDArray[np.bool_], affine: Array, corner: NDArray[np.intp]) -> mesh.Mesh:
-    """Where a label ends, half-way between voxels; open where the image does."""
-    import pyvista  # only here: it takes half a second
-
-    field = gaussian_filter(inside.astype(np.float32), _BLUR, mode="nearest")
-    grid = pyvista.ImageData(dimensions=inside.shape)
-    grid.point_data["inside"] = field.ravel(order="F")
-    surface = grid.contour([0.5], scalars="inside", method="flying_edges").triangulate()
-    places = (np.asarray(surface.points, dtype=float) + corner) @ affine[:3, :3].T + affine[:3, 3]
-    faces = np.asarray(surface.regular_faces, dtype=np.intp)
-    mirrored = np.linalg.det(affine[:3, :3]) < 0
-    return mesh.Mesh(places, faces[:, ::-1] if mirrored else faces)
+            # Where the label ends, half-way between voxels; open where the image does
+            field = gaussian_filter(inside.astype(np.float32), _BLUR, mode="nearest")
+            grid = pyvista.ImageData(dimensions=inside.shape)
+            grid.point_data["inside"] = field.ravel(order="F")
+            surface = grid.contour([0.5], scalars="inside", method="flying_edges").triangulate()
+            corner = np.array([low for low, _ in spans])
+            places = (np.asarray(surface.points, dtype=float) + corner) @ affine[:3, :3].T + affine[:3, 3]
+            faces = np.asarray(surface.regular_faces, dtype=np.intp)
+            mirrored = np.linalg.det(affine[:3, :3]) < 0
+            yield name, mesh.Mesh(places, faces[:, ::-1] if mirrored else faces)
 
 
 def _measure_voxel(affine: Array) -> Array:

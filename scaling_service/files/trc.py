@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.files import recording, tables
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Repair, Trial
 
 TIME_ROUNDING_S = 0.5e-3
 """Times are often written with three decimals; half of the last is the largest error of rounding."""

@@ -298,36 +298,31 @@ def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, body.V
 
 
 def _mirror_segment(segment: body.Segment) -> body.Segment:
+    joints = []
+    for joint in segment.joints:
+        # Seen in the sagittal plane's mirror, driven by the left coordinate of the same sign: a turn by
+        # reversing the x and y parts of its axis, a translation by reversing its value along z.
+        terms = [
+            replace(t, coordinate=_mirror_name(t.coordinate) if t.coordinate else None)
+            for t in joint.law.terms
+        ]
+        law, (x, y, z) = body.Law(tuple(terms)), joint.axis
+        scales_with = _mirror_name(joint.scales_with) if joint.scales_with else None
+        if joint.kind == "rotation":
+            joints.append(replace(joint, axis=(-x + 0.0, -y + 0.0, z), law=law, scales_with=scales_with))
+        else:
+            joints.append(replace(joint, law=law.scale(-1.0) if z else law, scales_with=scales_with))
     xx, yy, zz, xy, xz, yz = segment.inertia
     x, y, z = segment.com
     return body.Segment(
         name=_mirror_name(segment.name),
         parent=_mirror_name(segment.parent),
         joint_name=_mirror_name(segment.joint_name),
-        joints=tuple(_mirror_joint(joint) for joint in segment.joints),
+        joints=tuple(joints),
         mass=segment.mass,
         com=(x, y, -z),
         inertia=(xx, yy, zz, xy, -xz, -yz),
     )
-
-
-def _mirror_joint(joint: body.Joint) -> body.Joint:
-    """The joint seen in the sagittal plane's mirror, driven by the left coordinate of the same sign.
-
-    A turn is mirrored by reversing the x and y parts of its axis; a translation by reversing its
-    value along z.
-    """
-    law = body.Law(
-        tuple(
-            replace(t, coordinate=_mirror_name(t.coordinate) if t.coordinate else None)
-            for t in joint.law.terms
-        )
-    )
-    scales_with = _mirror_name(joint.scales_with) if joint.scales_with else None
-    x, y, z = joint.axis
-    if joint.kind == "rotation":
-        return replace(joint, axis=(-x + 0.0, -y + 0.0, z), law=law, scales_with=scales_with)
-    return replace(joint, law=law.scale(-1.0) if z else law, scales_with=scales_with)
 
 
 def _mirror_name(name: str) -> str:

@@ -276,7 +276,11 @@ def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]
         if joint.kind == "translation":
             direction = pending @ axis
             constant, terms = index.terms(joint.law, direction)
-            _add_shift(moves, constant * direction, terms)
+            constant = constant * direction
+            if moves and isinstance(last := moves[-1], Shift):
+                moves[-1] = Shift(last.constant + constant, last.terms + terms)
+            elif terms or constant.any():
+                moves.append(Shift(constant, terms))
             continue
         constant, terms = index.terms(joint.law, np.ones(1))
         if not terms:
@@ -296,16 +300,6 @@ def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]
     if not np.allclose(pending, np.eye(3), rtol=0.0, atol=1e-15):
         moves.append(Fixed(pending))
     return tuple(moves)
-
-
-def _add_shift(moves: list[Move], constant: Array, terms: tuple[TermArrays, ...]) -> None:
-    if not terms and not constant.any():
-        return
-    if moves and isinstance(moves[-1], Shift):
-        last = moves.pop()
-        assert isinstance(last, Shift)
-        constant, terms = last.constant + constant, last.terms + terms
-    moves.append(Shift(constant, terms))
 
 
 def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:

@@ -12,6 +12,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri, fdtri
 
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, reference
@@ -165,8 +166,8 @@ def read_people() -> People:
         image_centre=1e-3 * float(image["centre_mm"]),
         image_axis_sd=float(np.radians(image["axis_deg"])),
         image_marker=1e-3 * float(image["marker_mm"]),
-        landmark_points={n: 1e-3 * float(size) for n, size in table["landmarks"]["points_mm"].items()},
-        landmark_axes={n: float(np.radians(a)) for n, a in table["landmarks"]["axes_deg"].items()},
+        landmark_points={n: 1e-3 * _predict(row, 3) for n, row in table["landmarks"]["points_mm"].items()},
+        landmark_axes={n: np.radians(_predict(row, 2)) for n, row in table["landmarks"]["axes_deg"].items()},
         reach_mediolateral=float(np.radians(skin["reach_deg"]["mediolateral"])),
         reach_other=float(np.radians(skin["reach_deg"]["other"])),
         recorded_share=float(skin["recorded_share"]),
@@ -174,6 +175,34 @@ def read_people() -> People:
         loose_s=float(skin["loose_s"]),
         noise=1e-3 * float(skin["noise_mm"]),
     )
+
+
+def predict_difference(raters: float, persons: float, seen: Sequence[float], axes: int) -> float:
+    """The root mean square by which 95 of 100 differences of another person are held, as of Gaussian errors.
+
+    Few persons tell a variance badly: their difference from a new one is Student's t in ``axes`` directions
+    alike, with as many degrees of freedom for each person, which is wider than the Gaussian of its scale.
+
+    ``raters``: root mean square by the literature, which counts as so many ``persons``. ``seen``: of persons
+    at hand, each. ``axes``: 3 of a point, 2 of a direction.
+
+    Examples
+    --------
+    >>> round(predict_difference(3.0, 1.0, [3.0, 3.0], 3), 2), round(predict_difference(3.0, 1e6, [], 3), 2)
+    (3.65, 3.0)
+    """
+    count = persons + len(seen)
+    square = (persons * raters**2 + float(np.sum(np.square(seen)))) / count
+    gaussian = chdtri(axes, 0.05) / axes
+    return float(np.sqrt(square * fdtri(axes, axes * count, 0.95) / gaussian))
+
+
+def _predict(row: Mapping[str, Any], axes: int) -> float:
+    """Of a row of ``landmarks``; what raters say where no person was seen."""
+    if "seen" not in row:
+        return float(row["raters"])
+    seen = [float(size) for size in row["seen"] if size is not None]
+    return predict_difference(row["raters"], row["persons"], seen, axes)
 
 
 def _metres(millimetres: Any) -> body.Vector:

@@ -46,6 +46,8 @@ class Subject:
         A trial's file name to labels that are wrong in it.
     mirrored : mapping of str to str
         A trial's file name to the axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
+    events : mapping of str to tuple of GaitEvent
+        A trial's file name to its events of gait, in place of the file's own.
     bones : mapping of str to Path
         Segment to mesh file, in ``bone_units``.
     bone_units : str
@@ -80,6 +82,7 @@ class Subject:
     forces: Mapping[str, Path] = field(default_factory=dict)
     corrections: Mapping[str, tuple[trial.Relabelling, ...]] = field(default_factory=dict)
     mirrored: Mapping[str, str] = field(default_factory=dict)
+    events: Mapping[str, tuple[trial.GaitEvent, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
     bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)

@@ -112,6 +112,15 @@ class Relabelling:
     end_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class GaitEvent:
+    """A foot meets the ground (``strike``) or leaves it (``off``), s on the recording's clock."""
+
+    side: Literal["r", "l"]
+    kind: Literal["strike", "off"]
+    time_s: float
+
+
 def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, detail: str) -> list[Repair]:
     """One repair for each label that was concerned in any frame: ``flags`` is (n_frames, n_labels)."""
     counts = flags.sum(axis=0).tolist()
@@ -157,6 +166,7 @@ class Trial:
     repairs: tuple[Repair, ...] = field(default=())
     sizes: MeasuredSizes = field(default_factory=MeasuredSizes)  # of the person, as the file states them
     rotations: Rotations | None = None
+    events: tuple[GaitEvent, ...] = ()  # of gait, as the file or a person says; empty where neither does
 
     def __post_init__(self) -> None:
         frames = len(self.times)

@@ -14,11 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.trial import (
-    Relabelling,
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Relabelling, Repair, Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 

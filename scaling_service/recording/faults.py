@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TypeVar
 
@@ -11,11 +10,7 @@ from scipy import ndimage
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.model.forces import CONTACT_N, GroundForces
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.plausibility import remove_strays
@@ -108,7 +103,19 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
     shown = find_seen(trial.markers)
     hidden = np.zeros_like(shown)
     repairs = []
-    for one, other, usual in _find_meeting(trial):
+    # Columns of markers that are usually apart, and at one point at times; how far they usually are, m
+    meeting = []
+    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
+    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
+    some = trial.markers[::step, named]
+    for k in range(len(named) - 1):
+        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
+        close = square < ONE_POINT_M**2  # never where one is not seen
+        for after in np.flatnonzero(close.any(axis=0)).tolist():
+            usual = float(np.sqrt(np.nanquantile(square[:, after], _USUAL)))
+            if usual > APART_M:
+                meeting.append((named[k], named[k + 1 + after], usual))
+    for one, other, usual in meeting:
         distance = np.linalg.norm(trial.markers[:, one] - trial.markers[:, other], axis=1)
         near = distance < ONE_POINT_M
         merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
@@ -123,20 +130,6 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
-
-
-def _find_meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
-    """Columns of markers that are usually apart, and at one point at times; how far they usually are, m."""
-    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
-    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
-    some = trial.markers[::step, named]
-    for k in range(len(named) - 1):
-        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
-        near = square < ONE_POINT_M**2  # never where one is not seen
-        for other in np.flatnonzero(near.any(axis=0)).tolist():
-            usual = float(np.sqrt(np.nanquantile(square[:, other], _USUAL)))
-            if usual > APART_M:
-                yield named[k], named[k + 1 + other], usual
 
 
 def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
@@ -252,7 +245,16 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
     repairs = []
     for k, plate in enumerate(forces.plates):
         known = forces.known[:, k]
-        bad = _find_spikes(np.where(known[:, None], force[:, k], 0.0)) & known
+        # Samples off the course of those beside them
+        seen = np.where(known[:, None], force[:, k], 0.0)
+        off = np.abs(seen - ndimage.median_filter(seen, (2 * _BESIDE + 1, 1), mode="nearest"))
+        bad, at = np.zeros_like(known), np.arange(len(seen))
+        for path, away in zip(seen.T, off.T, strict=True):
+            high = away > SPIKE_N
+            if high.any():
+                course = np.interp(at, at[~high], path[~high])
+                bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
+                bad |= high & (away > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1)) & known
         good = known & ~bad
         if not bad.any() or not good.any():
             continue
@@ -267,18 +269,6 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
             Repair(what="spikes", where=where, detail=detail, frames=int(bad.sum()), off=float(rms.max()))
         )
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
-
-
-def _find_spikes(force: Array) -> Mask:
-    """Samples of one plate's force (n, 3) off the course of those beside them."""
-    off = np.abs(force - ndimage.median_filter(force, (2 * _BESIDE + 1, 1), mode="nearest"))
-    spikes = np.zeros_like(off, dtype=bool)
-    for axis in np.flatnonzero((off > SPIKE_N).any(axis=0)).tolist():
-        high, at = off[:, axis] > SPIKE_N, np.arange(len(force))
-        course = np.interp(at, at[~high], force[~high, axis])
-        bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
-        spikes[:, axis] = high & (off[:, axis] > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1))
-    return np.asarray(spikes.any(axis=1))
 
 
 def note_dead_channels(forces: GroundForces) -> GroundForces:

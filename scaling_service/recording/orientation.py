@@ -14,10 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Repair, Trial
 from scaling_service.recording import plausibility
 
 CLEAR_SHARE = 0.75

@@ -17,12 +17,7 @@ import numpy as np
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import (
-    Relabelling,
-    Repair,
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Relabelling, Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording import exchanged, findings, sides, witnesses
 from scaling_service.recording.plausibility import find_moved_markers

@@ -9,11 +9,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    repair_each,
-)
+from scaling_service.model.trial import Repair, Trial, repair_each
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import rigid
 from scaling_service.numerics.signals import filters

@@ -197,12 +197,7 @@ def _take_median(distances: Array) -> float:
 
 
 def _describe_contact(
-    plate: str,
-    names: tuple[str, ...],
-    chosen: int,
-    on_floor: Mask,
-    away: Array,
-    times: Array,
+    plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, away: Array, times: Array
 ) -> list[Repair]:
     """What to say about one contact."""
     span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
@@ -260,11 +255,7 @@ def _find_two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Rep
 
 
 def _find_supported(
-    foot: NDArray[np.intp],
-    loaded: Mask,
-    on_floor: Mask,
-    names: tuple[str, ...],
-    forces: GroundForces,
+    foot: NDArray[np.intp], loaded: Mask, on_floor: Mask, names: tuple[str, ...], forces: GroundForces
 ) -> tuple[Mask, list[Repair]]:
     """Frames without an unknown contact, and who stands beside the plates."""
     known = np.asarray(forces.known.all(axis=1))

@@ -10,12 +10,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    is_unlabelled,
-    repair_each,
-)
+from scaling_service.model.trial import Repair, Trial, is_unlabelled, repair_each
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import EXPLAINED, Clusters, Shape, find_exchanges, measure_shape
 

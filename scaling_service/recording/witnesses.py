@@ -11,10 +11,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy import markers
-from scaling_service.model.trial import (
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import MOST_COMPARED
 from scaling_service.recording.repeated import list_repeated

@@ -71,26 +71,22 @@ def record_on_plates(
         # Of a foot, on the ground, (3,)
         heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
         feet.append(np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])]))
-    plates = _share_wrench(wrench.T, *feet)
-    seen = markers + rng.normal(0.0, noise_m, markers.shape)
-    return Recorded(
-        model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, plates
-    )
-
-
-def _share_wrench(wrench: Array, right: Array, left: Array) -> tuple[Array, Array]:
-    """Two plates under the feet that bear a wrench (n, 6) about the ground origin together."""
-    force, moment = wrench[:, :3], wrench[:, 3:]
+    # Two plates under the feet bear the wrench (n, 6) about the ground origin together.
+    force, moment = wrench.T[:, :3], wrench.T[:, 3:]
     forward = moment[:, 2] / force[:, 1]
-    share = (-moment[:, 0] / force[:, 1] - left[2]) / (right[2] - left[2])
+    share = (-moment[:, 0] / force[:, 1] - feet[1][2]) / (feet[0][2] - feet[1][2])
     points = [
-        np.column_stack([forward, np.zeros_like(forward), np.full_like(forward, p[2])]) for p in (right, left)
+        np.column_stack([forward, np.zeros_like(forward), np.full_like(forward, foot[2])]) for foot in feet
     ]
     forces = [share[:, None] * force, (1.0 - share)[:, None] * force]
     left_over = moment - sum(np.cross(p, f) for p, f in zip(points, forces, strict=True))
-    free = np.column_stack([np.zeros((len(force), 1)), left_over[:, 1:2], np.zeros((len(force), 1))])
-    first, second = (np.column_stack([f, p, 0.5 * free]) for f, p in zip(forces, points, strict=True))
-    return first, second
+    free = np.zeros_like(force)
+    free[:, 1] = 0.5 * left_over[:, 1]
+    first, second = (np.column_stack([f, p, free]) for f, p in zip(forces, points, strict=True))
+    seen = markers + rng.normal(0.0, noise_m, markers.shape)
+    return Recorded(
+        model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, (first, second)
+    )
 
 
 def write_forces(path: Path, times: Array, plates: tuple[Array, ...]) -> None:

@@ -63,6 +63,14 @@ def test_a_person_speaks_for_a_size_or_against_it() -> None:
     assert persons.ask("0", [0]) > 0.0 > persons.ask("6", [0])
 
 
+def test_what_one_person_alone_shows_does_not_recur() -> None:
+    loud, silent = lean(3.0 * TRUE), Leanings((HEAVY,), np.zeros(1), np.zeros((1, 1)), np.array([SD]))
+    alone = pool(loud, silent, silent)
+    assert alone.list_odds([])[0] > 6.0
+    assert not alone.is_of_many(0, [])
+    assert pool(loud, lean(TRUE), silent).is_of_many(0, [])
+
+
 def test_what_another_effect_explains_is_not_named_beside_it() -> None:
     """Two numbers that do nearly the same to the recordings: the second has no odds once the first is in."""
     other = Candidate(kind="segment_com", where=("torso",), columns=(Column(name="x_mm", unit=1e3),))

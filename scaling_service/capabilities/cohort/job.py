@@ -61,7 +61,7 @@ class MemberResult(base.Part):
     wall_s: float
 
 
-class BatchRequest(job.JobRequest):
+class BatchRequest(job.WithTables):
     """Scale many subjects' models, and compare the methods over all of them.
 
     One subject's failure does not stop the others; the result says how each ended.
@@ -137,7 +137,9 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     """
     from scaling_service.capabilities.cohort.run import explain_none_possible, summarise_cohort
     from scaling_service.capabilities.cohort.saving import check_names, save_cohort
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)
     check_names(((name, name, Path(name, base.DOCUMENT)) for name in request.subjects), _COHORT)
@@ -147,6 +149,7 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
         raise explain_none_possible(reasons, request.methods, _COHORT)
     result = summarise_cohort(outcomes, request.methods, request.settings, cohort=_COHORT, started=clock)
     save_cohort(result.document, outcomes, outputs)
+    write_tables(result.tables, result.document)
     return result.document.model_dump(mode="json")
 
 

@@ -25,12 +25,19 @@ def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Prog
     Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
     """
     from scaling_service.capabilities.consistent.run import consistent
-    from scaling_service.capabilities.consistent.saving import save_consistent, write_wrenches
+    from scaling_service.capabilities.consistent.saving import (
+        save_consistent,
+        tabulate_consistent,
+        write_wrenches,
+    )
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     chosen = request.part(ForceSettings)
     results = consistent(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
     document = save_consistent(results, outputs)
     write_wrenches(results, outputs)
+    write_tables(tabulate_consistent(results, document), document)
     return document.model_dump(mode="json")
 
 

@@ -14,15 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
+from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track
-from scaling_service.core.arrays import Array
+from scaling_service.model import body
 from scaling_service.model.anatomy.knees import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.anatomy.skin import slide_skin
-from scaling_service.model.body import BodyModel, Expectation, Law
 from scaling_service.model.compile import evaluate_law
 
 _FLEXED = np.radians(60.0)  # in walking (Winter 2009)
@@ -37,15 +36,17 @@ class BoneKnowledge:
     """What is added to the model beside the effects."""
 
     # Marker to what its skin slides along the axes of the segment with flexion, m, beside its place
-    skin: dict[str, tuple[Law, Law, Law]] = field(default_factory=dict)
-    expectations: tuple[Expectation, ...] = ()
+    skin: dict[str, tuple[body.Law, body.Law, body.Law]] = field(default_factory=dict)
+    expectations: tuple[body.Expectation, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def add_to(self, model: BodyModel) -> BodyModel:
+    def add_to(self, model: body.BodyModel) -> body.BodyModel:
         """A model with it."""
         markers = []
         for marker in model.markers:
-            pairs = zip(marker.laws, self.skin.get(marker.name, (Law(), Law(), Law())), strict=True)
+            pairs = zip(
+                marker.laws, self.skin.get(marker.name, (body.Law(), body.Law(), body.Law())), strict=True
+            )
             x, y, z = (law + more for law, more in pairs)
             markers.append(replace(marker, laws=(x, y, z)))
         return replace(model, markers=tuple(markers), expectations=self.expectations)
@@ -70,14 +71,14 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
     return reduced, tuple(left_out.values())
 
 
-def _is_moving(candidate: Candidate) -> bool:
+def _is_moving(candidate: candidates.Candidate) -> bool:
     """Whether it moves markers or joints from frame to frame."""
     parts = [part for column in candidate.columns for part in column.parts]
     follows = any(isinstance(part.profile, Following) for part in parts)
-    return follows or isinstance(candidate.change, FreeMotion)
+    return follows or isinstance(candidate.change, candidates.FreeMotion)
 
 
-def _list_segments(effect: Estimate, model: BodyModel) -> set[str]:
+def _list_segments(effect: candidates.Estimate, model: body.BodyModel) -> set[str]:
     """Those whose markers it moves."""
     where = set(effect.candidate.where)
     found = {m.segment for m in model.markers if m.name in where}
@@ -87,7 +88,7 @@ def _list_segments(effect: Estimate, model: BodyModel) -> set[str]:
     return found
 
 
-def _measure_left_over(segments: set[str], model: BodyModel, findings: Findings) -> float:
+def _measure_left_over(segments: set[str], model: body.BodyModel, findings: Findings) -> float:
     """What is left at the markers of some segments, times their noise floor."""
     after = floor = 0.0
     for gap in (findings.fit, findings.held_out):
@@ -97,7 +98,7 @@ def _measure_left_over(segments: set[str], model: BodyModel, findings: Findings)
     return float(np.sqrt(after / floor)) if floor > 0.0 else 0.0
 
 
-def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
+def learn_bones(model: body.BodyModel, fit: Fit) -> BoneKnowledge:
     """What people's skin and joints and the recordings to fit say; ``model``: with what was named there."""
     rotations = list(list_secondary_rotations(model))
     trials = [item.trial for item in fit.tracked if item.role == "fit"]
@@ -108,26 +109,35 @@ def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
     found = [_expect(rotation, sliding, followed) for rotation in rotations]
     return BoneKnowledge(
         slide_skin(model),
-        tuple(one for one in found if isinstance(one, Expectation)),
+        tuple(one for one in found if isinstance(one, body.Expectation)),
         tuple(one for one in found if isinstance(one, str)),
     )
 
 
-def measure_slide(laws: tuple[Law, Law, Law]) -> float:
+def measure_slide(laws: tuple[body.Law, body.Law, body.Law]) -> float:
     """How far skin slides where the knee flexes by 60 deg, m."""
     slopes = [sum(term.gain for term in law.terms) for law in laws]
     return float(_FLEXED * np.linalg.norm(slopes))
 
 
 def _expect(
-    rotation: SecondaryRotation, model: BodyModel, followed: Sequence[TrackedTrial]
-) -> Expectation | str | None:
+    rotation: SecondaryRotation, model: body.BodyModel, followed: Sequence[TrackedTrial]
+) -> body.Expectation | str | None:
     """The rotation about the posture in which markers were placed; a sentence where it cannot hold here."""
     names = model.coordinate_names
     column, flexion = names.index(rotation.coordinate), names.index(rotation.flexion)
     gaps, turns, flexed, sds = [], [], [], []
     for item in followed:
-        gap = _measure_gaps(item, model, (rotation.parent, rotation.child))
+        # Mean squared residual of two segments' markers in each frame, (n,), m2; NaN where not all are
+        # seen.
+        segments = (rotation.parent, rotation.child)
+        motion = item.motion
+        owners = np.array([model.marker(name).segment for name in motion.markers])
+        own: NDArray[np.bool_] = np.isin(owners, segments)
+        if any(np.sum(owners == segment) < _FEWEST for segment in segments):
+            gap = np.full(len(motion.q), np.nan)
+        else:
+            gap = np.asarray(np.square(motion.residuals[:, own]).mean(axis=(1, 2)))
         sd = item.uncertainty.sd[:, column]
         q = item.motion.q
         known = np.isfinite(gap) & np.isfinite(sd) & np.isfinite(q[:, flexion]) & (sd > 0.0)
@@ -151,15 +161,5 @@ def _expect(
             f"{rotation.coordinate} is {off:.1f} standard deviations off what is published of this joint: "
             "it is left to the markers"
         )
-    law = rotation.law + Law.constant(reference)
-    return Expectation(rotation.coordinate, law, spread, rotation.source)
-
-
-def _measure_gaps(item: TrackedTrial, model: BodyModel, segments: tuple[str, str]) -> Array:
-    """Mean squared residual of two segments' markers in each frame, (n,), m2; NaN where not all are seen."""
-    motion = item.motion
-    owners = np.array([model.marker(name).segment for name in motion.markers])
-    own: NDArray[np.bool_] = np.isin(owners, segments)
-    if any(np.sum(owners == segment) < _FEWEST for segment in segments):
-        return np.full(len(motion.q), np.nan)
-    return np.asarray(np.square(motion.residuals[:, own]).mean(axis=(1, 2)))
+    law = rotation.law + body.Law.constant(reference)
+    return body.Expectation(rotation.coordinate, law, spread, rotation.source)

@@ -10,28 +10,27 @@ from typing import Any, TypeGuard
 
 from scaling_service.capabilities.discovery.effects.joints import AXIS_TILT as TILT
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws import spots
+from scaling_service.capabilities.discovery.laws import candidates, spots
 from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
-from scaling_service.capabilities.discovery.laws.candidates import Estimate, FreeMotion, Part
 from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
 from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim.joints import plan_joints
 from scaling_service.files.osim.models import write_osim
-from scaling_service.model.body import BodyModel, Law, to_vector
+from scaling_service.model import body
 from scaling_service.model.parameters import compose_tilts
 from scaling_service.model.results import JointMove
 
 _ANY_TRIAL = ""
 
 
-def correct_model(fit: Fit) -> BodyModel:
+def correct_model(fit: Fit) -> body.BodyModel:
     """The model with all that holds in every recording: shape, markers, masses."""
     return _apply_everywhere(fit.model, [s for s in fit.effects if not s.candidate.trials])
 
 
-def make_own_models(fit: Fit) -> dict[str, BodyModel]:
+def make_own_models(fit: Fit) -> dict[str, body.BodyModel]:
     """The models of those recordings in which something of the model holds that does not in the others."""
     own = {
         trial
@@ -45,13 +44,13 @@ def make_own_models(fit: Fit) -> dict[str, BodyModel]:
     }
 
 
-def _apply_everywhere(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
+def _apply_everywhere(model: body.BodyModel, effects: Sequence[candidates.Estimate]) -> body.BodyModel:
     """A model with effects, whatever recordings they hold in."""
     everywhere = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
     return with_inertial_changes(with_effects(model, everywhere, _ANY_TRIAL), everywhere)
 
 
-def _list_parts(effect: Estimate) -> list[Part]:
+def _list_parts(effect: candidates.Estimate) -> list[candidates.Part]:
     return [part for column in effect.candidate.columns for part in column.parts]
 
 
@@ -59,7 +58,7 @@ def _list_parts(effect: Estimate) -> list[Part]:
 class OsimPlan:
     """What of the corrected model goes into an OpenSim file, and how."""
 
-    model: BodyModel  # without what OpenSim cannot hold
+    model: body.BodyModel  # without what OpenSim cannot hold
     left_out: tuple[str, ...]  # what that is, in plain words
     # of the model's own file, whose muscles and meshes then stay, for ``write_osim``; None to make it anew
     changes: Mapping[str, Any] | None
@@ -67,7 +66,7 @@ class OsimPlan:
 
 def plan_osim(fit: Fit, prepared: Prepared) -> OsimPlan:
     """Leave out what OpenSim cannot hold, effect by effect."""
-    kept: list[Estimate] = []
+    kept: list[candidates.Estimate] = []
     left: list[str] = []
     for effect in fit.effects:
         if not effect.candidate.trials:
@@ -79,14 +78,16 @@ def plan_osim(fit: Fit, prepared: Prepared) -> OsimPlan:
     model = _apply_everywhere(fit.model, kept)
     still = []
     for marker in model.markers:
-        x, y, z = map(Law.constant, marker.nominal)
+        x, y, z = map(body.Law.constant, marker.nominal)
         still.append(replace(marker, laws=(x, y, z)))
     model = model.with_markers(tuple(still))
     amended = _from_osim(prepared) and all(map(_can_be_amended, kept))
     return OsimPlan(model, tuple(left), _list_changes(fit.model, prepared, kept) if amended else None)
 
 
-def _describe_refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> str:
+def _describe_refusal(
+    model: body.BodyModel, kept: Sequence[candidates.Estimate], effect: candidates.Estimate
+) -> str:
     """Why an OpenSim file cannot hold an effect; empty where it can."""
     loads = [column.load for column in effect.candidate.columns]
     if any(isinstance(load, Tilt) for load in loads):
@@ -103,9 +104,9 @@ def _describe_refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estima
     return ""
 
 
-def _can_be_amended(effect: Estimate) -> bool:
+def _can_be_amended(effect: candidates.Estimate) -> bool:
     """Whether a file can be given an effect: a change of sizes, centres, axes, markers or masses, or none."""
-    if isinstance(effect.candidate.change, FreeMotion):
+    if isinstance(effect.candidate.change, candidates.FreeMotion):
         return False
     plain = spots.MarkerSpot | spots.SizeSpot | spots.VolumeSpot
     return effect.candidate.kind == TILT or all(
@@ -118,7 +119,9 @@ def _is_centre(spot: spots.Spot) -> TypeGuard[spots.JointSpot]:
     return isinstance(spot, spots.JointSpot) and (spot.at, spot.kind) == ("start", "translation")
 
 
-def _list_changes(model: BodyModel, prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, Any]:
+def _list_changes(
+    model: body.BodyModel, prepared: Prepared, kept: Sequence[candidates.Estimate]
+) -> dict[str, Any]:
     """What scaling did to the file, and the effects on top of that."""
     known, setup = prepared.calibration, prepared.loaded.session.scale_setup
     factors = {} if known is None else dict(known.scale_factors)
@@ -133,11 +136,11 @@ def _list_changes(model: BodyModel, prepared: Prepared, kept: Sequence[Estimate]
         for spot, by in ((p.spot, p.gain * size) for column, size in effect.columns for p in column.parts):
             if isinstance(spot, spots.SizeSpot):
                 own = factors.get(spot.segment, (1.0, 1.0, 1.0))
-                factors[spot.segment] = to_vector(factor * (1.0 + by) for factor in own)
+                factors[spot.segment] = body.to_vector(factor * (1.0 + by) for factor in own)
             elif _is_centre(spot):
                 joint = model.segment(spot.segment).joint_name
                 move = moves.get(joint, JointMove())
-                shift = to_vector(x + by * (k == spot.axis) for k, x in enumerate(move.shift))
+                shift = body.to_vector(x + by * (k == spot.axis) for k, x in enumerate(move.shift))
                 moves[joint] = replace(move, shift=shift)
     return {
         "source": Path(prepared.subject.model),

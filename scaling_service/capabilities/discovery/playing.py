@@ -9,41 +9,36 @@ import numpy as np
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.playback import scene
 from scaling_service.capabilities.playback.document import SceneDocument
 from scaling_service.capabilities.playback.drawing import coarsen, place_bones
-from scaling_service.capabilities.playback.scene import (
-    WHOLE,
-    Body,
-    Detail,
-    Played,
-    Recorded,
-    write_scene,
-)
 from scaling_service.model.trial import Bone
 
 BEFORE, AFTER = "as given", "with what was named"
 """Bodies of a search."""
 
 
-def write_discovery_scene(results: DiscoverResults, outputs: Path, detail: Detail = WHOLE) -> SceneDocument:
+def write_discovery_scene(
+    results: DiscoverResults, outputs: Path, detail: scene.Detail = scene.WHOLE
+) -> SceneDocument:
     """Write the model as given, and with what was named, in all recordings, into a job's folder."""
     pairs = list(zip(results.before.tracked, results.after.tracked, strict=True))
     bones = _list_bones(results.prepared, detail)
     bodies = [
-        Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
+        scene.Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
     ]
     recorded = [
-        Recorded(
+        scene.Recorded(
             trial=before.trial,
             role="calibration" if before.role == "fit" else "evaluation",
             played=(_play_recording(BEFORE, before), _play_recording(AFTER, after)),
         )
         for before, after in pairs
     ]
-    return write_scene(results.prepared.subject.id, bodies, recorded, None, outputs, detail.most_frames)
+    return scene.write_scene(results.prepared.subject.id, bodies, recorded, None, outputs, detail.most_frames)
 
 
-def _list_bones(prepared: Prepared, detail: Detail) -> dict[str, Bone]:
+def _list_bones(prepared: Prepared, detail: scene.Detail) -> dict[str, Bone]:
     """The person's bones where the model was scaled from images."""
     images = prepared.loaded.session.images
     if images is None or prepared.calibration is None:
@@ -52,10 +47,10 @@ def _list_bones(prepared: Prepared, detail: Detail) -> dict[str, Bone]:
     return place_bones(prepared.calibration, coarse)
 
 
-def _play_recording(name: str, item: MotionFit) -> Played:
+def _play_recording(name: str, item: MotionFit) -> scene.Played:
     distances = np.linalg.norm(item.residuals, axis=2)
     model = item.task.model
-    return Played(
+    return scene.Played(
         body=name,
         model=model,
         q=item.q,

@@ -100,10 +100,10 @@ class Pooled:
     shared: Sequence[Shared]
     said: Mapping[str, tuple[Array, Array]]  # by person: scores and products
 
-    def weigh(self, chosen: Sequence[int]) -> Scored:
-        """Some effects together against nothing."""
-        at = self._find_rows(chosen)
-        x, X = (np.sum(parts, axis=0) for parts in zip(*self.said.values(), strict=True))
+    def weigh(self, chosen: Sequence[int], without: str = "") -> Scored:
+        """Some effects together against nothing, by all persons but one."""
+        at, said = self._find_rows(chosen), [one for who, one in self.said.items() if who != without]
+        x, X = (np.sum(parts, axis=0) for parts in zip(*said, strict=True))
         sd = np.concatenate([np.zeros(0), *(self.shared[k].sd for k in chosen)])
         return Scored.of(x[at], X[np.ix_(at, at)], sd)
 
@@ -115,6 +115,11 @@ class Pooled:
             for k, one in enumerate(self.shared)
             if k not in named
         }
+
+    def is_of_many(self, k: int, named: Sequence[int]) -> bool:
+        """Whether an effect is likelier than not without the person who speaks loudest for it."""
+        loudest = max(self.said, key=lambda who: self.ask(who, [*named, k], named))
+        return self.weigh([*named, k], loudest).bayes > self.weigh(named, loudest).bayes
 
     def ask(self, person: str, chosen: Sequence[int], without: Sequence[int] = ()) -> float:
         """By how much one person's recordings are likelier with the shared sizes of some than of fewer."""

@@ -1,7 +1,8 @@
 """What recurs over persons: effects of the model that they share, and the generic model without them.
 
 What persons say is pooled (:mod:`~scaling_service.capabilities.discovery.pooling`), the likeliest is named,
-then the likeliest beside it, and so on; nothing that makes what did not fit worse over all persons.
+then the likeliest beside it, and so on; nothing that one person alone shows, or that makes what did not fit
+worse over all persons.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 from pydantic import Field
 
 from scaling_service.capabilities.cohort.members import read_members
-from scaling_service.capabilities.discovery import words
+from scaling_service.capabilities.discovery import options, pooling, words
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
@@ -25,8 +26,6 @@ from scaling_service.capabilities.discovery.evidence.fit import (
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
-from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.capabilities.discovery.pooling import FEWEST, GAPS, Pooled, Shared, list_shared, pool
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.run import USUAL, discover
 from scaling_service.capabilities.discovery.saving import save_discovery
@@ -71,7 +70,9 @@ class RecurringEntry(Part):
     driver: list[str]
     name: str = Field(description="What it is, in plain English.")
     log_odds: Rounded = Field(description="By all persons together, the number of its places counted.")
-    named: bool = Field(description="Whether that is enough, and what did not fit is not worse with it.")
+    named: bool = Field(
+        description="Whether that is enough, by more persons than one, and nothing that did not fit is worse."
+    )
     parameters: dict[str, Pair] = Field(
         description="Size and standard deviation, of both sides that of the right, which the left mirrors; "
         "of a segment's mass in shares of it (`share`)."
@@ -141,29 +142,34 @@ def find_recurring(
     InputError
         Fewer than two persons, or models with nothing in common.
     """
-    if len(found) < FEWEST:
+    if len(found) < pooling.FEWEST:
         lacking = "".join(f"; {who}: {why}" for who, why in (failed or {}).items())
         raise InputError(
-            f"what recurs needs {FEWEST} persons that can be searched, and there are {len(found)}{lacking}",
+            f"what recurs needs {pooling.FEWEST} persons that can be searched, and there are {len(found)}"
+            f"{lacking}",
             remedy="Give more subject files",
         )
-    shared = list_shared(list(found.values()))
+    shared = pooling.list_shared(list(found.values()))
     if not shared:
         raise InputError(
             "the models of these persons have no joint or segment in common that recordings show",
             field="model",
             remedy="Search persons with models of one family together",
         )
-    pooled = Pooled(shared, {name: pool(results, shared) for name, results in found.items()})
+    pooled = pooling.Pooled(shared, {name: pooling.pool(results, shared) for name, results in found.items()})
     named, refused, entries = list[int](), set[int](), list[RecurringEntry]()
     left: list[Left] = [{name: pooled.refit(results, []) for name, results in found.items()}]
+    vouching = [who for who, results in found.items() if "held_out" in results.prepared.roles.values()]
     while True:
         odds = pooled.list_odds(named)
-        best = max((k for k in odds if k not in refused), key=lambda k: odds[k], default=None)
-        if best is None or odds[best] < USUAL.odds:
+        likely = [
+            k for k in odds if odds[k] >= USUAL.odds and k not in refused and pooled.is_of_many(k, named)
+        ]
+        if not likely:
             break
+        best = max(likely, key=lambda k: odds[k])
         after = {name: pooled.refit(results, [*named, best]) for name, results in found.items()}
-        if _is_worse(left[-1], after):
+        if _is_worse(left[-1], after, vouching or list(found)):
             refused.add(best)
             continue
         entries.append(_describe(pooled, named, best, odds[best], (left[-1], after)))
@@ -194,17 +200,17 @@ def find_recurring(
     return Recurring(document, Fit(context=context, effects=tuple(effects)) if effects else None)
 
 
-def _is_worse(before: Left, after: Left) -> bool:
-    """Whether markers, forces or moments of what did not fit are worse over all persons."""
-    squares = [
-        {name: sum(one.get(name, 0.0) ** 2 for one in some.values()) for name in GAPS}
-        for some in (before, after)
-    ]
-    return any(squares[1][name] > (1.0 + USUAL.worse) ** 2 * squares[0][name] for name in GAPS)
+def _is_worse(before: Left, after: Left, persons: Sequence[str]) -> bool:
+    """Whether markers, forces or moments are worse over some persons."""
+    for name in pooling.GAPS:
+        a, b = (sum(some[who].get(name, 0.0) ** 2 for who in persons) for some in (before, after))
+        if b > (1.0 + USUAL.worse) ** 2 * a:
+            return True
+    return False
 
 
 def _compare(
-    pooled: Pooled, chosen: Sequence[int], without: Sequence[int], before: Left, after: Left
+    pooled: pooling.Pooled, chosen: Sequence[int], without: Sequence[int], before: Left, after: Left
 ) -> dict[str, PersonEntry]:
     """What some effects are to every person, against fewer."""
     return {
@@ -217,7 +223,7 @@ def _compare(
 
 
 def _describe(
-    pooled: Pooled, named: Sequence[int], k: int, odds: float, left: tuple[Left, Left] = ({}, {})
+    pooled: pooling.Pooled, named: Sequence[int], k: int, odds: float, left: tuple[Left, Left] = ({}, {})
 ) -> RecurringEntry:
     """One effect beside those named; ``left``: without and with it, if it is named."""
     one, size, sd = pooled.split([*named, k])[-1]
@@ -232,7 +238,7 @@ def _describe(
     )
 
 
-def _say_numbers(one: Shared, size: Array, sd: Array) -> dict[str, Any]:
+def _say_numbers(one: pooling.Shared, size: Array, sd: Array) -> dict[str, Any]:
     """Name and parameters of an effect of some size."""
     candidate, relative = one.candidate, one.candidate.kind == "segment_mass"
     names = ["share"] if relative else [c.name for c in candidate.columns]
@@ -276,7 +282,7 @@ def summarise(document: RecurringDocument) -> Summary:
     ]
     if document.corrected:
         why.append(f"The generic model without it: {', '.join(document.corrected)}.")
-    labels = {field: f"{name}, {unit}" for field, name, unit in words.LEVELS if field in GAPS}
+    labels = {field: f"{name}, {unit}" for field, name, unit in words.LEVELS if field in pooling.GAPS}
     rows = [
         Row(who, [_show_pair(getattr(entry, field)) for field in labels] + [f"{entry.log_odds:+.1f}"])
         for who, entry in document.persons.items()
@@ -288,7 +294,8 @@ def summarise(document: RecurringDocument) -> Summary:
     tables = [
         Table(
             caption="What may recur",
-            note=f"Named from log odds of {USUAL.odds:g} on, unless what did not fit is worse with it.",
+            note=f"Named from log odds of {USUAL.odds:g} on, if it is likely without the person who speaks "
+            "loudest for it, and what did not fit is not worse with it.",
             columns=["effect of the generic model", "named", "log odds", "persons who speak for it"],
             rows=told,
             words=True,
@@ -323,8 +330,8 @@ def _show_pair(pair: tuple[float, float] | None) -> str:
 def discover_recurring(
     cohort: str | Path,
     out: str | Path,
-    chosen: DiscoverSettings = PLAIN,
-    settings: Settings = AS_MEASURED,
+    chosen: options.DiscoverSettings = options.PLAIN,
+    settings: Settings = options.AS_MEASURED,
     *,
     report: bool = True,
     progress: Progress | None = None,
@@ -348,9 +355,9 @@ def discover_recurring(
     """
     clock, report_to, folder = time.perf_counter(), progress or show_nothing, Path(out)
     members, passed = read_members(Path(cohort))
-    if len(members) < FEWEST:
+    if len(members) < pooling.FEWEST:
         raise InputError(
-            f"what recurs needs {FEWEST} persons, and there is {len(members)}",
+            f"what recurs needs {pooling.FEWEST} persons, and there is {len(members)}",
             file=Path(cohort),
             remedy="Give more subject files, or search one person by naming its subject file",
         )

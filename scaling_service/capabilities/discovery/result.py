@@ -18,8 +18,8 @@ from scaling_service.capabilities.discovery.bones import BoneKnowledge, measure_
 from scaling_service.capabilities.discovery.effects.sizes import cite_source_of_sizes, look_up_usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.laws.apply import changes_forces, changes_markers
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, FreeMotion, Reweighed
 from scaling_service.capabilities.discovery.laws.loads import Tilt
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.search.findings import (
@@ -160,7 +160,7 @@ def _select_finite(sizes: Mapping[str, float]) -> dict[str, float]:
     return {name: size for name, size in sizes.items() if math.isfinite(size)}
 
 
-def _place(candidate: Candidate) -> dict[str, Any]:
+def _place(candidate: candidates.Candidate) -> dict[str, Any]:
     """A candidate as a kind at a place."""
     return {
         "kind": candidate.kind,
@@ -230,7 +230,7 @@ def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.Effe
                 named.gain,
                 1.0 - there,
                 by_blocks=named.by_blocks,
-                by_weight=isinstance(candidate.change, Reweighed),
+                by_weight=isinstance(candidate.change, candidates.Reweighed),
             ),
         ),
         belief=documents.BeliefDocument(
@@ -254,9 +254,9 @@ def _advise(named: NamedEffect, *, as_class: bool, left_out: bool) -> str:
     )
     if as_class:
         return f"Do not rely on one of them.{record}"
-    if isinstance(candidate.change, Reweighed):
+    if isinstance(candidate.change, candidates.Reweighed):
         return "Correct `mass_kg` of the subject file, or the plates' scale." + record
-    if isinstance(candidate.change, Contact):
+    if isinstance(candidate.change, candidates.Contact):
         return f"{candidate.trials[0]}_contact.sto has the force that it must have been." + record
     if any(isinstance(column.load, Tilt) for column in candidate.columns):
         return "Level the laboratory's axes by it." + record
@@ -311,7 +311,7 @@ def _list_quantities(named: NamedEffect) -> dict[str, documents.QuantityDocument
         for name, value, sd in zip(names, values.tolist(), sds.tolist(), strict=True)
     }
     change = named.effect.candidate.change
-    if isinstance(change, FreeMotion):
+    if isinstance(change, candidates.FreeMotion):
         found["axis"] = documents.QuantityDocument(value=change.axis, sd=None)
     for name, value in named.details.items():
         if math.isfinite(value) and name not in found and not name.startswith("axis_"):

@@ -8,16 +8,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from scaling_service.capabilities.discovery import models
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws.apply import (
-    changes_forces,
-    changes_markers,
-    correct_forces,
-    correct_trial,
-)
+from scaling_service.capabilities.discovery.laws import apply
 from scaling_service.capabilities.discovery.laws.candidates import Contact
-from scaling_service.capabilities.discovery.models import correct_model, make_own_models, write_corrected_osim
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.playing import write_discovery_scene
 from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
@@ -26,7 +21,7 @@ from scaling_service.capabilities.discovery.words import describe_hidden, summar
 from scaling_service.capabilities.kinetics.forces import read_trial_forces, turn_forces
 from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.core.progress import Progress, show_nothing
-from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
+from scaling_service.documents import writing
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel
@@ -48,14 +43,14 @@ def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ..
     One set in one system of axes, so that it can be used in place of the given one.
     """
     effects = fit.effects
-    if not any(changes_markers(e.candidate) or changes_forces(e.candidate) for e in effects):
+    if not any(apply.changes_markers(e.candidate) or apply.changes_forces(e.candidate) for e in effects):
         return ()
     place = folder / FOLDER
     place.mkdir()
     session = prepared.loaded.session
     static = () if session.static is None else (session.static,)
     for trial in (*static, *session.dynamic):
-        write_trc(place / f"{trial.name}.trc", correct_trial(trial, effects))
+        write_trc(place / f"{trial.name}.trc", apply.correct_trial(trial, effects))
     for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
         if path.stem in prepared.forces:
             # The forces in the session's axes, at their own rate, not filtered.
@@ -66,7 +61,7 @@ def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ..
             assert axes is not None
             ground = turn_forces(*read, axes)
             here = [e for e in effects if e.candidate.holds_in(path.stem)]
-            corrected = correct_forces(ground, ground.times, here)
+            corrected = apply.correct_forces(ground, ground.times, here)
             write_sto(place / f"{path.stem}_forces.mot", tabulate_forces(path.stem, corrected))
     return (_NOTE,)
 
@@ -149,18 +144,18 @@ def save_discovery(
     """
     say = progress or show_nothing
     before = _list_written_before(Path(folder))
-    with all_or_nothing(Path(folder)) as scratch:
+    with writing.all_or_nothing(Path(folder)) as scratch:
         say("writing the model", 0.0)
         notes = _write_models(scratch, results)
         say("writing recordings", 0.5)
         notes += write_corrected(scratch, results.after, results.prepared)
         notes += write_contacts(scratch, results.after)
         files = sorted(p.relative_to(scratch).as_posix() for p in scratch.rglob("*") if p.is_file())
-        document = make_discovery_document(results, [*files, *([REPORT] if report else [])], notes)
-        write_json(scratch / FILE_NAME, document)
+        document = make_discovery_document(results, [*files, *([writing.REPORT] if report else [])], notes)
+        writing.write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)
-            (scratch / REPORT).write_text(
+            (scratch / writing.REPORT).write_text(
                 Report(
                     kind="discovery",
                     name=FILE_NAME,
@@ -192,11 +187,11 @@ def _list_written_before(folder: Path) -> set[Path]:
 def _write_models(folder: Path, results: DiscoverResults) -> tuple[str, ...]:
     """``model.json`` and ``model.osim``, and a model for each recording that has something of its own."""
     fit, bones, notes = results.lasting, results.bones, list(results.bones.notes)
-    _write_model(folder / "model.json", bones.add_to(correct_model(fit)))
-    for trial, model in make_own_models(fit).items():
+    _write_model(folder / "model.json", bones.add_to(models.correct_model(fit)))
+    for trial, model in models.make_own_models(fit).items():
         _write_model(folder / f"{trial}_model.json", bones.add_to(model))
         notes.append(f"{trial}_model.json holds what was found in {trial} only")
-    return (*notes, *write_corrected_osim(folder / "model.osim", fit, results.prepared))
+    return (*notes, *models.write_corrected_osim(folder / "model.osim", fit, results.prepared))
 
 
 def _write_model(path: Path, model: BodyModel) -> None:

@@ -35,9 +35,9 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.signals.splines import MIN_SAMPLES
+from scaling_service.recording import plates_feet
 from scaling_service.recording.exchanged import without_exchanges
 from scaling_service.recording.faults import FAULTS
-from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts
 
 NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
@@ -71,7 +71,16 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
             f"the model's segments weigh {own:.1f} kg together, {declared:.1f} kg are declared: one of its "
             "segments, or all of them, do not have this person's mass"
         )
-    return found, (*notes, *unusable, *_note_repairs(found))
+    return found, (
+        *notes,
+        *unusable,
+        *(
+            f"{name}: {repair.where} {repair.detail}"
+            for name, forces in found.items()
+            for repair in forces.repairs
+            if repair.what in _NOTED
+        ),
+    )
 
 
 def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
@@ -94,14 +103,14 @@ def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
     return "" if mass > 0.0 else f"model '{model.name}' has no mass"
 
 
-def find_usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:
+def find_usable_frames(ground: GroundForces, contacts: plates_feet.FootContacts) -> Mask:
     """Frames in which the plates should show all that the ground does, shape (n,).
 
     A foot that steps beside the plates is no finding. A foot that never meets a plate while the other one
     always does has lost its plate, and that is one: such frames stay.
     """
     loaded = ground.in_contact()
-    stray = (loaded & (contacts.foot == NOBODY)).any(axis=1)
+    stray = (loaded & (contacts.foot == plates_feet.NOBODY)).any(axis=1)
     bears = np.stack([(contacts.foot == k).any(axis=1) for k in range(len(contacts.feet))], axis=1)
     beside = _drop_contact_edges(contacts.on_floor & ~bears, ground.times)
     for k in range(len(contacts.feet)):
@@ -117,17 +126,8 @@ def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
     found = np.zeros_like(beside)
     for k in range(beside.shape[1]):
         for start, stop in find_runs(beside[:, k]).tolist():
-            found[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
+            found[start:stop, k] = (stop - start) * step > 2 * plates_feet.BRIEF_S
     return found
-
-
-def _note_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
-    return tuple(
-        f"{name}: {repair.where} {repair.detail}"
-        for name, forces in found.items()
-        for repair in forces.repairs
-        if repair.what in _NOTED
-    )
 
 
 def choose_plain(session: Session) -> str:

@@ -23,11 +23,14 @@ def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progre
     """
     from scaling_service.capabilities.dynamics.run import dynamics
     from scaling_service.capabilities.dynamics.saving import save_dynamics, write_residuals
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     chosen = request.part(DynamicsSettings)
     results = dynamics(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
     document = save_dynamics(results, outputs)
     write_residuals(results, outputs)
+    write_tables(results.tables, document)
     return document.model_dump(mode="json")
 
 

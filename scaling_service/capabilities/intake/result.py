@@ -17,7 +17,7 @@ class CorrectionEntry(base.Part):
     """A correction that the subject's document may hold under ``corrections``."""
 
     file: str = Field(description="The recording.")
-    labels: dict[str, str | None] = Field(description="A label as it stands in the file, to the right one.")
+    labels: dict[str, str] = Field(description="A label as it stands in the file, to the right one.")
     from_s: float
     to_s: float
 
@@ -80,6 +80,17 @@ class RepairEntry(base.Part):
     frames: int
 
 
+class EventProof(base.Part):
+    """A foot meets the ground (strike) or leaves it (off)."""
+
+    side: Literal["r", "l"]
+    kind: Literal["strike", "off"]
+    time_s: float = Field(description="By the recording's clock.")
+    source: Literal["document", "file", "plates"] = Field(
+        description="Who says so. Strides are cut by the document's and the file's."
+    )
+
+
 class RecordingProof(base.Part):
     """One recording as it was understood. Positions are m, X forward, Y up, Z right."""
 
@@ -96,6 +107,7 @@ class RecordingProof(base.Part):
     labels: list[LabelEntry]
     markers: base.ArrayEntry
     plates: list[base.PlateEntry]
+    events: list[EventProof] = Field(default=[], description="Heel strikes and toe-offs, by time.")
     forces_from: str | None
     force: base.ArrayEntry | None
     centre_of_pressure: base.ArrayEntry | None

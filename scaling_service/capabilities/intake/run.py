@@ -218,6 +218,12 @@ class _Look:
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
+            events = (self.known.get("events") or {}).get(item.file)
+            if events is not None:
+                told = reading.list_events(
+                    pydantic.TypeAdapter(list[subjects.GaitEventEntry]).validate_python(events)
+                )
+                item = replace(item, trial=replace(item.trial, events=told))
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item
             whole = item.trial.take_unlabelled({label for one in wanted for label in one.labels})
@@ -281,7 +287,14 @@ class _Look:
         self.axes = intake_files.make_axes_entry(axes, *given)
         for item in self.seen:
             try:
-                entry, trial = tables.check_recording(item, axes, self._ground(item), given, files)
+                entry, trial = tables.check_recording(
+                    item,
+                    axes,
+                    self._ground(item),
+                    given,
+                    files,
+                    events_given=item.file in (self.known.get("events") or {}),
+                )
             except errors.InputError as error:
                 self.problems.append(intake_files.make_problem(error, file=item.file))
             else:

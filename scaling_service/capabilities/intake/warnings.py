@@ -104,7 +104,7 @@ def _fill(item: RecordingFile, found: plausibility.Unlabelled) -> documents.Corr
     seen = trial.times[find_seen(trial.position(found.label))]
     return documents.CorrectionEntry(
         file=item.file,
-        labels={found.label: found.fills},
+        labels={found.label: found.fills or ""},
         from_s=round(float(seen[0]), 4),
         to_s=round(float(seen[-1]), 4),
     )
@@ -144,9 +144,7 @@ def _make_correction(file: str, wrong: Exchange, trial: Trial) -> documents.Corr
         own.setdefault(find_canonical(label) or label, label)
     if any(label not in own for label in wrong.labels):
         return None
-    labels: dict[str, str | None] = {
-        own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)
-    }
+    labels = {own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)}
     return documents.CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
     )

@@ -17,7 +17,7 @@ from scaling_service.core.progress import Progress
 from scaling_service.documents import base
 
 
-class LandmarksRequest(job.OfOneSubject):
+class LandmarksRequest(job.OfOneSubject, job.WithTables):
     """Find joint centres, axes and bony landmarks on surfaces of bones."""
 
     bones: dict[str, str] | None = pydantic.Field(
@@ -71,13 +71,17 @@ def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progr
     InputError
         A mesh cannot be read or used.
     """
+    from scaling_service.capabilities.landmarks.result import tabulate_points
     from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     folder = inputs / request.subject
     document = json.loads((folder / base.DOCUMENT).read_text(encoding="utf-8"))
     bones = {bone: folder / file for bone, file in request.meshes(document).items()}
-    found = save_landmarks(landmark_bones(bones, units=request.units, progress=progress), outputs)
-    return json.loads(found.read_text(encoding="utf-8"))
+    found = landmark_bones(bones, units=request.units, progress=progress)
+    write_tables({"landmarks": tabulate_points(found)}, found)
+    return json.loads(save_landmarks(found, outputs).read_text(encoding="utf-8"))
 
 
 def list_kinds() -> dict[str, job.Kind]:

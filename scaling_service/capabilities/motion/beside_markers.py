@@ -94,6 +94,31 @@ def find_beside_markers(
     )
 
 
+def share_world(
+    model: BodyModel,
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
+    shared: frames.Hypothesis,
+    *,
+    turned: bool,
+) -> tuple[tuple[Trial, ...], frames.Hypothesis]:
+    """Recordings in one world of sensors, that of the first: markers show where another's faces elsewhere.
+
+    A recording without markers stays as it is: there a heading is the whole body's, and nothing else.
+    ``shared``: from the first; its sentence goes on with how the others' worlds are turned.
+    """
+    ready, told = [], shared.told
+    for trial in trials:
+        own = None
+        if trial.labels and trial.rotations is not None and f"'{trial.name}'" not in shared.told:
+            own = find_beside_markers(model, trial, segments, turned=turned)
+        if own is not None and trial.rotations is not None:
+            trial = replace(trial, rotations=trial.rotations.turn(shared.turn.T @ own.turn))
+            told += f"; in '{trial.name}' {own.told.rpartition(', ')[2]}"
+        ready.append(trial)
+    return tuple(ready), replace(shared, told=told)
+
+
 def _list_steps(pairs: abc.Iterable[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
     """Rotation vectors of segments and of their sensors from the middle of a recording, (n, 3) each, rad."""
     found = [(np.zeros((0, 3)), np.zeros((0, 3)))]

@@ -15,7 +15,7 @@ from scaling_service.core.progress import Progress
 from scaling_service.documents import base, reading, subject
 
 
-class MotionRequest(job.OfOneSubject, MotionOptions):
+class MotionRequest(job.OfOneSubject, job.WithTables, MotionOptions):
     """Follow recordings with a model that exists: coordinates with their standard deviations.
 
     The model may be one that scaling, dynamics, consistent or discovery made: upload its `model.json` as a
@@ -95,8 +95,10 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     """
     from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions
+    from scaling_service.capabilities.shared.tables import make_table_writer
     from scaling_service.capabilities.subject.loading import read_model
 
+    write_tables = make_table_writer(request.tables, outputs)
     folder = inputs / request.subject
     document = reading.read_document(folder / base.DOCUMENT)
     name, marker_set = request.choose_model(document), request.marker_set(document)
@@ -129,7 +131,9 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
         subject_file=folder / base.DOCUMENT,
         progress=progress,
     )
-    return save_motions(tracked, outputs).model_dump(mode="json")
+    saved = save_motions(tracked, outputs)
+    write_tables(tracked.tables, saved)
+    return saved.model_dump(mode="json")
 
 
 def list_kinds() -> dict[str, job.Kind]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from scaling_service.capabilities.motion import everyday, frames
 from scaling_service.capabilities.motion import task as tasks
-from scaling_service.capabilities.motion.beside_markers import find_beside_markers
+from scaling_service.capabilities.motion.beside_markers import find_beside_markers, share_world
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
@@ -118,7 +118,10 @@ def mount(
     both = next((t for t in measured if t.labels and frames.get_rotations(t).of == "sensors"), None)
     if both is not None:
         beside = find_beside_markers(model, both, segments, turned=turned)
-        hypotheses = hypotheses if beside is None else [beside]
+        if beside is not None:
+            trials, beside = share_world(model, trials, segments, beside, turned=turned)
+            measured = [t for t in trials if t.rotations is not None]
+            hypotheses = [beside]
     chosen, misfits = _choose(model, measured, segments, noise, hypotheses)
     calibrating = None
     if chosen.calibrated:

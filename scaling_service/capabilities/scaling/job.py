@@ -120,11 +120,14 @@ def _scale(
     from scaling_service.capabilities.scaling.run import compare
     from scaling_service.capabilities.scaling.saving import save
     from scaling_service.capabilities.scaling.scene import write_results_scene
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     subject, computing = inputs / request.subject / DOCUMENT, report_part(progress, 0.0, _COMPUTING)
     results = compare(subject, methods, request.settings, options, progress=computing)
     writing = report_part(progress, _COMPUTING, _WRITING - _COMPUTING)
     document = save(results, outputs, comparison=comparison, progress=writing)
+    write_tables(results.tables, document)
     progress("writing what is played back", _WRITING)
     write_results_scene(results, outputs)
     return results, document

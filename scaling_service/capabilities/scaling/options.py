@@ -19,7 +19,7 @@ class ScaleOptions(options.Options):
     ] = Field(
         default=(),
         description="Further forms of each model, with markers and inertia: mjcf (MuJoCo; with muscles, held "
-        "against OpenSim's, if it is an .osim model), biomod (biorbd).",
+        "against OpenSim's, if it is an .osim model), biomod (biorbd; muscles as far as it has their kind).",
     )
     muscle_points: Annotated[Literal["scaled", "surface"], options.Flag(name="--muscle-points")] = Field(
         default="scaled",

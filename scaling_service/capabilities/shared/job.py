@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 import pydantic
 
@@ -65,7 +65,17 @@ class OfOneSubject(JobRequest):
         return (self.subject,)
 
 
-class OfRecordings(OfOneSubject):
+class WithTables(JobRequest):
+    """A request whose result has tables."""
+
+    tables: tuple[Literal["csv", "parquet", "bids"], ...] = pydantic.Field(
+        default=(),
+        description="Tables of the results among the files, under tables/, with units and source: csv, "
+        "parquet, bids (motions under Motion-BIDS' names).",
+    )
+
+
+class OfRecordings(OfOneSubject, WithTables):
     """A request that rests on all files of a subject's document."""
 
     settings: shared_settings.Settings = pydantic.Field(

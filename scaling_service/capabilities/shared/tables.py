@@ -20,13 +20,14 @@ _SOURCE = {"code_version", "subject", "settings", "seed", "input_hashes"}
 
 
 def make_table_writer(
-    forms: str, out: Path
+    forms: str | abc.Sequence[str], out: Path
 ) -> abc.Callable[[abc.Mapping[str, ResultTable], BaseModel], None]:
-    """What writes tables under a command's folder; their forms are checked now, before anything is computed.
+    """What writes tables under a folder of results; their forms are checked before anything is computed.
 
-    ``forms``: as typed. Raises InputError: one is unknown. Raises DependencyMissing: a library is absent.
+    ``forms``: as typed, or each by itself. Raises InputError: one is unknown.
+    Raises DependencyMissing: a library is absent.
     """
-    chosen = result_tables.check_forms(forms)
+    chosen = result_tables.check_forms(forms if isinstance(forms, str) else ",".join(forms))
 
     def write(tables: abc.Mapping[str, ResultTable], document: BaseModel) -> None:
         if chosen:

@@ -328,7 +328,8 @@ def read_recordings(
         with reading.blame_file(path, [path]):
             wrong = subject.corrections.get(path.name, ())
             whole = one.take_unlabelled({label for item in wrong for label in item.labels})
-            read[path] = person.mend(whole, wrong, subject.mirrored.get(path.name))
+            events = subject.events.get(path.name, whole.events)
+            read[path] = replace(person.mend(whole, wrong, subject.mirrored.get(path.name)), events=events)
     return read
 
 

@@ -89,6 +89,7 @@ def make_subject(
         forces=find.all(document.forces, "forces"),
         corrections={name: list_relabellings(found) for name, found in document.corrections.items()},
         mirrored=dict(document.mirrored),
+        events={name: list_events(found) for name, found in document.events.items()},
         bones=find.images(document.bones.meshes if document.bones else {}),
         bone_units=document.bones.units if document.bones else "mm",
         bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
@@ -100,6 +101,12 @@ def make_subject(
 def list_relabellings(corrections: abc.Iterable[subjects.Correction]) -> tuple[model_trial.Relabelling, ...]:
     """What a document says of wrong labels in one recording."""
     return tuple(model_trial.Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
+
+
+def list_events(entries: abc.Iterable[subjects.GaitEventEntry]) -> tuple[model_trial.GaitEvent, ...]:
+    """What a document says of gait in one recording, in the order of time."""
+    found = (model_trial.GaitEvent(one.side, one.kind, one.time_s) for one in entries)
+    return tuple(sorted(found, key=lambda event: event.time_s))
 
 
 class _Finder:

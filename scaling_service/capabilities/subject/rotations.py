@@ -73,6 +73,9 @@ def part_rotations(session: Session, *, wanted: bool) -> Session:
         )
         if not trial.labels
     }
+    marked = {trial.name for trial in (*session.calibration, *session.evaluation) if trial.labels}
+    beside = [trial.name for trial in turned.values() if trial.name in marked]
+    turned = {path: trial for path, trial in turned.items() if trial.name not in marked}
     stood = session.static if session.static is not None and not session.static.labels else None
     if (turned or stood) and not wanted:
         raise TrialUnusable(
@@ -82,18 +85,22 @@ def part_rotations(session: Session, *, wanted: bool) -> Session:
             remedy="Follow it by `scaling-service ik`, and leave it out here",
         )
     both = [
+        t.name
+        for t in (session.static, *session.calibration, *session.evaluation)
+        if t and t.labels and t.rotations is not None
+    ]
+    unused = [
         Note(
             code="rotations_unused",
-            place=trial.name,
+            place=name,
             problem="its rotations are not used, its markers are",
             remedy="Follow it by `scaling-service ik`, which takes both",
         )
-        for trial in (session.static, *session.calibration, *session.evaluation)
-        if trial is not None and trial.labels and trial.rotations is not None
+        for name in (*both, *beside)
     ]
     return replace(
         session,
-        notes=(*session.notes, *both),
+        notes=(*session.notes, *unused),
         static=None if stood else session.static,
         calibration=tuple(t for t in session.calibration if t.labels),
         evaluation=tuple(t for t in session.evaluation if t.labels),

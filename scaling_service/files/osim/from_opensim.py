@@ -187,19 +187,7 @@ def _link(joint: Any, ranges: Mapping[str, functions.Range], dependent: Set[str]
         moves = chains.SURFACE_JOINTS[kind](
             joint, *(None if body == GROUND else body for body in (parent, child))
         )
-    else:
-        moves = _read_moves(joint, parent, ranges, dependent)
-    return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
-
-
-def _read_moves(
-    joint: Any, parent: str, ranges: Mapping[str, functions.Range], dependent: Set[str]
-) -> list[Joint]:
-    """Translations along axes fixed in the parent's joint frame, then body-fixed successive rotations.
-
-    So Simbody's function-based mobilizer moves.
-    """
-    kind, name = joint.getConcreteClassName(), joint.getName()
+        return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
     if kind == "CustomJoint":
         transform = library.import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
         axes: list[Axis] = []
@@ -219,6 +207,8 @@ def _read_moves(
         ]
     else:
         raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
+    # Translations along axes fixed in the parent's joint frame, then body-fixed successive rotations: so
+    # Simbody's function-based mobilizer moves.
     moves = []
     for what, along, law, scales in axes:
         if law.terms:
@@ -227,7 +217,8 @@ def _read_moves(
             scaled = scales or any(term.coordinate in dependent for term in law.terms)
             follows = parent if what == "translation" and scaled and parent != GROUND else None
             moves.append(Joint(what, to_vector(direction / np.linalg.norm(direction)), law, follows))
-    return sorted(moves, key=lambda move: move.kind == "rotation")
+    moves.sort(key=lambda move: move.kind == "rotation")
+    return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
 
 
 def is_pure(function: Any) -> bool:

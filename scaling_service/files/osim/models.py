@@ -94,9 +94,6 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
 
 def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
     """Start a worker in a scratch folder; its answer, or how it ended without one."""
-    # The caller's environment, with this package importable and one thread per library
-    root, path = str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH")
-    paths = os.pathsep.join([root, path] if path else [root])
     return subprocess.run(
         [sys.executable, "-m", _WORKER],
         input=json.dumps(request),
@@ -104,10 +101,22 @@ def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subpr
         encoding="utf-8",
         errors="replace",
         cwd=scratch,
-        env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        env=make_environment(),
         timeout=time_limit_s,
         check=False,
     )
+
+
+def make_environment() -> dict[str, str]:
+    """The caller's environment, with this package importable and one thread per library."""
+    root = str(Path(__file__).resolve().parents[3])
+    path = os.environ.get("PYTHONPATH")
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([root, path] if path else [root]),
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+    }
 
 
 def read_osim(path: Path, marker_set: Path | None = None) -> body.BodyModel:

@@ -151,11 +151,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
             axis = joint.getSpatialTransform().getTransformAxis(number)
             if from_opensim.is_pure(axis.getFunction()) or sorted(
                 map(abs, list_numbers(axis.get_axis()))
-            ) == [
-                0.0,
-                0.0,
-                1.0,
-            ]:
+            ) == [0.0, 0.0, 1.0]:
                 continue
             multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
             gain = multiplier.getScale() if multiplier is not None else 1.0

@@ -140,18 +140,18 @@ class Surface:
         series = self._expand(x, 1)
         return self._read(series, x, ()), tuple(self._read(series, x, (k,)) for k in range(len(x)))
 
-    def follow_slopes(self, x: Array, rate: Array, pace: Array | None) -> list[tuple[Array, ...]]:
-        """Rates of every slope where coordinates move, (n,); second rates, too, where ``pace`` is given.
+    def follow_slopes(self, x: Array, qdot: Array, qddot: Array | None) -> list[tuple[Array, ...]]:
+        """Rates of every slope where coordinates move, (n,); second rates, too, where ``qddot`` is given.
 
-        ``x``, ``rate``, ``pace``: (n_coordinates, n).
+        ``x``, ``qdot``, ``qddot``: (n_coordinates, n).
         """
-        series, count = self._expand(x, 2 if pace is None else 3), range(len(x))
+        series, count = self._expand(x, 2 if qddot is None else 3), range(len(x))
         second = np.array([[self._read(series, x, (i, j)) for j in count] for i in count])
-        once = np.einsum("ijn,jn->in", second, rate)
-        if pace is None:
+        once = np.einsum("ijn,jn->in", second, qdot)
+        if qddot is None:
             return [(each,) for each in once]
         third = np.array([[[self._read(series, x, (i, j, k)) for k in count] for j in count] for i in count])
-        twice = np.einsum("ijkn,jn,kn->in", third, rate, rate) + np.einsum("ijn,jn->in", second, pace)
+        twice = np.einsum("ijkn,jn,kn->in", third, qdot, qdot) + np.einsum("ijn,jn->in", second, qddot)
         return list(zip(once, twice, strict=True))
 
     def _expand(self, x: Array, order: int) -> _Series:

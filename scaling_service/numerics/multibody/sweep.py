@@ -114,13 +114,13 @@ class _Problem:
         now = q[self.plan.variables]
         return elimination.Limits(self.lower - now, self.upper - now)
 
-    def pull(self, q: Array) -> elimination.Pull | None:
+    def tasks(self, q: Array) -> elimination.Tasks | None:
         """The coordinates' own tasks by column."""
         if self.prior is None:
             return None
         columns = self.plan.variables
         value, weight = self.prior[0][columns], self.prior[1][columns]
-        return elimination.Pull(weight, weight * (value - q[columns]))
+        return elimination.Tasks(weight, weight * (value - q[columns]))
 
 
 def is_articulated(tree: Tree) -> bool:
@@ -335,6 +335,6 @@ def _eliminate(
         twist,
         elimination.PivotDamping(state.damping, part.floor),
         second=state.near,
-        pull=part.pull(state.best),
+        tasks=part.tasks(state.best),
         limits=limits,
     )

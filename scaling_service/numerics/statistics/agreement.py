@@ -154,7 +154,13 @@ def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -
     1:30-46, table 7, ICC(A,1) and ICC(C,1)), that of ICC(2,1) with Satterthwaite's degrees of freedom.
     """
     n, k = table.shape
-    rows, columns, error = _compute_mean_squares(table)
+    # Between subjects, between methods, and of what is left; rounding errors count as nothing.
+    centred = table - table.mean()
+    by_subject, by_method = centred.mean(axis=1), centred.mean(axis=0)
+    left = centred - by_subject[:, None] - by_method
+    squares = np.array([k * np.sum(by_subject**2), n * np.sum(by_method**2), np.sum(left**2)])
+    squares[squares <= table.size * (_ROUNDING * np.abs(table).max()) ** 2] = 0.0
+    rows, columns, error = (squares / (n - 1, k - 1, (n - 1) * (k - 1))).tolist()
     upper = (1 + confidence) / 2
     if error <= 0.0:
         # Every method shifts all subjects alike: the intervals have no width, or there is nothing to see.
@@ -181,19 +187,6 @@ def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -
     low = n * (rows - above * error) / (above * noise + n * rows)
     high = n * (below * rows - error) / (noise + n * below * rows)
     return Estimate(value, low, high), consistent
-
-
-def _compute_mean_squares(scores: Array) -> tuple[float, float, float]:
-    """Between subjects, between methods, and of what is left; rounding errors count as nothing."""
-    n, k = scores.shape
-    centred = scores - scores.mean()
-    by_subject, by_method = centred.mean(axis=1), centred.mean(axis=0)
-    left = centred - by_subject[:, None] - by_method
-    squares = np.array([k * np.sum(by_subject**2), n * np.sum(by_method**2), np.sum(left**2)])
-    noise = scores.size * (_ROUNDING * np.abs(scores).max()) ** 2
-    squares[squares <= noise] = 0.0
-    rows, columns, error = squares / (n - 1, k - 1, (n - 1) * (k - 1))
-    return float(rows), float(columns), float(error)
 
 
 def _fit_slope(means: Array, differences: Array, confidence: float) -> Estimate:

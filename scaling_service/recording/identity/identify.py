@@ -298,13 +298,7 @@ def _weigh_landmark(at: Array, row: int, landmark: str | None, body: StandingBod
 
 
 def _explain(
-    label: str,
-    row: int,
-    segment: str,
-    share: Array,
-    spreads: Array,
-    near: float,
-    landmark: str | None,
+    label: str, row: int, segment: str, share: Array, spreads: Array, near: float, landmark: str | None
 ) -> str:
     meaning = markers.look_up_meaning(label)
     parts = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from http import HTTPStatus
@@ -50,7 +51,10 @@ EXAMPLE: dict[str, Any] = {
 }
 """A subject whose files are then uploaded under the names that it uses."""
 
-DOCUMENTS = (SubjectDocument, ImagedPerson)  # a subject's document follows one of these
+NOTE: dict[str, Any] = {"text": "Left knee marker slipped in the second walk.", "signed_by": "A. Smith"}
+
+DOCUMENTS = (SubjectDocument, ImagedPerson, contracts.SubjectNote)
+"""What a subject's document and note follow."""
 
 _BYTES = {"type": "string", "format": "binary"}
 
@@ -60,7 +64,7 @@ _BYTES = {"type": "string", "format": "binary"}
     status_code=HTTPStatus.CREATED,
     responses=describe_refusals(400, 408, 413, 415, 507)
     | {200: {"model": contracts.SubjectDetail, "description": "Replaced"}},
-    openapi_extra=describe_json_body(EXAMPLE, *DOCUMENTS),
+    openapi_extra=describe_json_body(EXAMPLE, SubjectDocument, ImagedPerson),
 )
 async def put_subject(
     request: fastapi.Request, response: fastapi.Response, owner: callers.Owner, service: callers.ServiceDep
@@ -101,6 +105,34 @@ def get_subject(
     return contents.answer_unless_cached(
         request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
     )
+
+
+@router.get("/{subject}/note", responses=describe_refusals(404))
+def get_note(
+    subject: Named, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.SubjectNoteDocument:
+    """Look at what was written about a subject's results, and who signed it; empty until it is given."""
+    return _make_note(service.note(owner, subject))
+
+
+@router.put(
+    "/{subject}/note",
+    responses=describe_refusals(400, 404, 408, 413, 415, 507),
+    openapi_extra=describe_json_body(NOTE, contracts.SubjectNote),
+)
+async def put_note(
+    subject: Named, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.SubjectNoteDocument:
+    """Write about a subject's results, and sign it, in place of what stood there before."""
+    given = await bodies.read_model(contracts.SubjectNote, request, "Give `text`, and `signed_by` to sign it")
+    row = await bodies.in_writer_thread(service.put_note, owner, subject, given.model_dump())
+    return _make_note(row)
+
+
+def _make_note(row: tables.NoteRow | None) -> contracts.SubjectNoteDocument:
+    if row is None:
+        return contracts.SubjectNoteDocument(text="", updated_at=None)
+    return contracts.SubjectNoteDocument(**json.loads(row.document), updated_at=as_datetime(row.updated_us))
 
 
 @router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))

@@ -103,6 +103,17 @@ class Service:
                 self._database, self.store.blobs, owner, _require_known_name(subject, "subject")
             )
 
+    def note(self, owner: str, subject: str) -> tables.NoteRow | None:
+        """What was written about a subject's results; None where nothing was."""
+        return subjects.read_note(self._database, owner, self.subject(owner, subject).id)
+
+    def put_note(self, owner: str, subject: str, document: abc.Mapping[str, Any]) -> tables.NoteRow | None:
+        """Keep what is written about a subject's results, in place of what was."""
+        self.require_room()
+        text = submission.write_canonical(dict(document))
+        subjects.put_note(self._database, owner, _require_known_name(subject, "subject"), text)
+        return self.note(owner, subject)
+
     # Files of subjects
 
     @contextmanager

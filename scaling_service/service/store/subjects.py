@@ -203,3 +203,25 @@ def put_marker_map(database: db.Database, owner: str, document: str) -> None:
         ensure_owner(connection, owner)
         made = db.insert_for(connection)(tables.marker_maps).values({"owner": owner} | kept)
         connection.execute(made.on_conflict_do_update(index_elements=[tables.marker_maps.c.owner], set_=kept))
+
+
+def read_note(database: db.Database, owner: str, identity: str) -> tables.NoteRow | None:
+    """What was written about a subject; None where nothing was."""
+    wanted = sa.select(tables.notes.c.document, tables.notes.c.updated_us).where(
+        tables.notes.c.owner == owner, tables.notes.c.subject == identity
+    )
+    with database.read() as connection:
+        found = connection.execute(wanted).one_or_none()
+    return None if found is None else tables.NoteRow(*found)
+
+
+def put_note(database: db.Database, owner: str, identity: str, document: str) -> None:
+    """Keep what is written about a subject, as JSON, in place of what was; NotFound without the subject."""
+    kept = {"document": document, "updated_us": db.NowUs()}
+    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
+    with database.write() as connection:
+        if connection.scalar(sa.select(tables.subjects.c.id).where(mine)) is None:
+            raise report_no_subject(identity)
+        made = db.insert_for(connection)(tables.notes).values({"owner": owner, "subject": identity} | kept)
+        keys = [tables.notes.c.owner, tables.notes.c.subject]
+        connection.execute(made.on_conflict_do_update(index_elements=keys, set_=kept))

@@ -96,6 +96,17 @@ subject_files = sa.Table(
     ForeignKeyConstraint(["owner", "subject"], ["subjects.owner", "subjects.id"], ondelete="CASCADE"),
 )
 
+notes = sa.Table(
+    "notes",
+    metadata,
+    sa.Column("owner", sa.String(200), primary_key=True),
+    sa.Column("subject", sa.String(200), primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("updated_us", sa.BigInteger, nullable=False),
+    sa.ForeignKeyConstraint(["owner", "subject"], ["subjects.owner", "subjects.id"], ondelete="CASCADE"),
+)
+"""What people wrote about a subject's results, and who signed it."""
+
 jobs = sa.Table(
     "jobs",
     metadata,
@@ -203,6 +214,14 @@ class SubjectRow:
 @dataclass(frozen=True, slots=True)
 class MarkerMapRow:
     """An owner's map of labels, as JSON."""
+
+    document: str
+    updated_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoteRow:
+    """A subject's note, as JSON."""
 
     document: str
     updated_us: int

@@ -132,6 +132,51 @@ def test_a_person_has_one_report(visit: Visit, url: str, tmp_path: Path) -> None
     assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
 
 
+def test_notes_are_signed_for_the_results_that_are_shown(visit: Visit, url: str, tmp_path: Path) -> None:
+    with Client(url) as client:
+        subject = put_walker(client, "signed", tmp_path)
+        job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
+    visitor = visit(url)
+    visitor.go("subjects/signed/report")
+    visitor.sees("Not signed.")
+    visitor.page.get_by_label("Notes").fill("The left knee slipped.")
+    visitor.page.get_by_label("name", exact=True).fill("A. Smith")
+    visitor.press("Sign notes and results")
+    visitor.sees("Signed by A. Smith on")
+    with Client(url) as client:
+        kept = client._call("GET", "/v1/subjects/signed/note").json()
+        assert kept["results"] == [job.id]
+        raw = {"processing": {"smoothing": "none"}}
+        client.wait(client.ask("comparisons", subject=subject, methods=["MB"], settings=raw))
+    visitor.page.reload()
+    visitor.sees("before these results: they are newer")
+    assert visitor.page.get_by_label("Notes").input_value() == "The left knee slipped."
+
+
+def test_heel_strikes_are_marked_and_cut_strides(visit: Visit, url: str, tmp_path: Path) -> None:
+    with Client(url) as client:
+        subject = put_walker(client, "struck", tmp_path)
+    visitor = imported(visit, url, "struck")
+    visitor.press("3 Laboratory")
+    visitor.page.get_by_label("Recording").select_option("gait_1.trc")
+    for at in (10, 120):
+        slider = visitor.page.get_by_label("Frame", exact=True)
+        slider.fill(str(at))
+        visitor.press("right heel strike")
+        visitor.page.get_by_role(
+            "button", name=f"right heel strike at {at / 100:.2f} s", exact=True
+        ).wait_for()
+    given = document(url, "struck")["events"]["gait_1.trc"]
+    assert given == [{"side": "r", "kind": "strike", "time_s": at} for at in (0.1, 1.2)]
+    with Client(url) as client:
+        result = client.result(client.wait(client.ask("comparisons", subject=subject, methods=["MB"])))
+    (cycle,) = result["methods"]["MB"]["clinical"]["sides"]["r"]["cycles"]
+    assert (cycle["start_s"], cycle["end_s"]) == (0.1, 1.2)
+    visitor.press("As they were found")
+    visitor.sees("None is in the file, and no plate shows one.")
+    assert "events" not in document(url, "struck")
+
+
 def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, tmp_path: Path) -> None:
     with Client(url) as client:
         job = client.wait(

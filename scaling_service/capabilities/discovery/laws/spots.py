@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
+from scaling_service.model import body
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_scale
 from scaling_service.numerics.multibody.tree import (
@@ -28,7 +28,7 @@ from scaling_service.numerics.multibody.tree import (
     pose_links,
 )
 
-AXES: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+AXES: tuple[body.Vector, body.Vector, body.Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LETTERS = "xyz"
 _OPEN = 1e9  # no bound
 
@@ -48,9 +48,9 @@ class JointSpot:
     kind: Literal["rotation", "translation"]
     axis: int
 
-    def put(self, model: BodyModel, law: Law) -> BodyModel:
+    def put(self, model: body.BodyModel, law: body.Law) -> body.BodyModel:
         """The model with a joint of this law here; a ValueError where the joint does not turn."""
-        return put_joint(model, self.segment, self.at, Joint(self.kind, AXES[self.axis], law))
+        return put_joint(model, self.segment, self.at, body.Joint(self.kind, AXES[self.axis], law))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class MarkerSpot:
     marker: str
     axis: int
 
-    def put(self, model: BodyModel, law: Law) -> BodyModel:
+    def put(self, model: body.BodyModel, law: body.Law) -> body.BodyModel:
         """The model with this law added to the marker's place."""
         markers = []
         for marker in model.markers:
@@ -77,7 +77,7 @@ class SizeSpot:
 
     segment: str
 
-    def resize(self, model: BodyModel, change: float) -> BodyModel:
+    def resize(self, model: body.BodyModel, change: float) -> body.BodyModel:
         """The model with a segment that is larger by a share."""
         return fold(free_scale(model, self.segment, 0.9), {f"scale.{self.segment}": 1.0 + change})
 
@@ -94,23 +94,23 @@ class VolumeSpot:
 Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot
 
 
-def find_turning_joints(segment: Segment) -> tuple[int, int] | None:
+def find_turning_joints(segment: body.Segment) -> tuple[int, int] | None:
     """The first of the joints of a segment that turn, and one past the last; None if none does."""
     found = [k for k, j in enumerate(segment.joints) if j.turns]
     return (found[0], found[-1] + 1) if found else None
 
 
-def put_joint(model: BodyModel, segment: str, at: At, joint: Joint) -> BodyModel:
+def put_joint(model: body.BodyModel, segment: str, at: At, joint: body.Joint) -> body.BodyModel:
     """The model with a joint in the chain that carries a segment; a ValueError where that does not turn."""
 
-    def lengthen(item: Segment) -> Segment:
+    def lengthen(item: body.Segment) -> body.Segment:
         place = _find_index(item, at)
         return replace(item, joints=(*item.joints[:place], joint, *item.joints[place:]))
 
     return replace(model, segments=tuple(lengthen(s) if s.name == segment else s for s in model.segments))
 
 
-def _find_index(segment: Segment, at: At) -> int:
+def _find_index(segment: body.Segment, at: At) -> int:
     if at == "start":
         return 0
     span = find_turning_joints(segment)
@@ -119,7 +119,7 @@ def _find_index(segment: Segment, at: At) -> int:
     return span[0] if at == "before" else span[1]
 
 
-def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel, tuple[str, ...]]:
+def with_parameters(model: body.BodyModel, spots: Sequence[Spot]) -> tuple[body.BodyModel, tuple[str, ...]]:
     """The model with one parameter at every spot, at the value that changes nothing, and their names.
 
     Spots of the volume are not the body's and get an empty name.
@@ -133,8 +133,8 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
             names.append(f"scale.{spot.segment}")
         else:
             names.append(f"spot.{k}")
-            model = spot.put(model, Law((Term(1.0, parameter=names[-1]),)))
-            added = Parameter(
+            model = spot.put(model, body.Law((body.Term(1.0, parameter=names[-1]),)))
+            added = body.Parameter(
                 name=names[-1],
                 value=0.0,
                 unit="1",

@@ -91,8 +91,8 @@ def judge(evidence: Evidence) -> Verdict:
             "counts what they leave open; deviations are one standard deviation of the worst."
         )
     if chosen.by_people:
-        known = list_few([words.spell_parameter(name) for name in chosen.by_people])
-        why.append(f"People in general say more of {known} than these recordings.")
+        known = list_few(words.spell_parameters(chosen.by_people))
+        why.append(f"People in general say more about {known} than these recordings do.")
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
     nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]

@@ -38,7 +38,7 @@ from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.report.words import spell_parameter
+from scaling_service.report.words import spell_parameters
 
 _LEVELS = 4  # chosen: looks at how much this person's skin moves against ordinary people's
 _FIRST_STEPS = 3  # chosen: of all looks but the last; residuals are what they will be long before the end
@@ -386,8 +386,8 @@ def _list_warnings(
         yield f"MAP: stopped after {found.steps} steps before it converged"
     loose = [p.name for p in estimated if p.group in ("length", "centre", "axis") and not p.identifiable]
     if loose:
-        known = list_few([spell_parameter(name) for name in loose])
+        known = list_few(spell_parameters(loose))
         yield (
-            f"MAP: people's ordinary sizes say more of {known} than these recordings; "
+            f"MAP: people's ordinary sizes say more about {known} than these recordings; "
             "the deviations stated count that"
         )

@@ -37,7 +37,7 @@ export function mending(wrong: Wrong, now: () => number, title: string, keep: (c
     const id = newId("time");
     const input = h("input", { id, type: "number", step: "0.01", min: span[0].toFixed(2), max: span[1].toFixed(2), value: value.toFixed(2) });
     return { input, element: h("span", { class: "field" }, h("label", { for: id }, `${name}, s`), input,
-      h("button", { type: "button", class: "small", "aria-label": `${name}: the time shown`, onclick: () => void (input.value = now().toFixed(2)) }, "now")) };
+      h("button", { type: "button", class: "small", "aria-label": `now: ${name}`, onclick: () => void (input.value = now().toFixed(2)) }, "now")) };
   };
   const [from, to] = [time("from", span[0]), time("to", span[1])];
   const choose = (chosen: string): void => {

@@ -77,7 +77,7 @@ function compared(document: ComparisonDocument, job: JobDocument, angles: Vocabu
 }
 
 const forces = (document: DynamicsDocument, job: JobDocument): HTMLElement =>
-  chapter("Forces", job, callout(sentence(document.headline), document.tone, h("p", null, document.verdict)), gates(document));
+  chapter("Forces", job, callout(sentence(document.headline), document.tone, h("p", null, spoken(document.verdict))), gates(document));
 
 function search(document: DiscoveryDocument, job: JobDocument): HTMLElement {
   const next = [...new Set(document.effects.flatMap(({ would_separate }) => (would_separate === null ? [] : [would_separate])))];

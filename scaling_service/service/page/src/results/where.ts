@@ -29,7 +29,11 @@ export function where({ disagreements }: DiscoveryDocument, signal: AbortSignal,
 }
 
 /** Markers are called as they are; what forces are of has a name of the program's. */
-const named = ({ where: name, observable }: DisagreementDocument): string => (observable === "marker" ? name : words(name));
+const named = ({ where: name, observable }: DisagreementDocument): string => (observable === "marker" ? name : (COMPONENTS[name] ?? words(name)));
+
+const COMPONENTS: Record<string, string> = {
+  fx: "force forward", fy: "force up", fz: "force to the right", mx: "moment about forward", my: "moment about up", mz: "moment about right",
+};
 
 function ranked(places: readonly DisagreementDocument[], title: string, unit: string, signal: AbortSignal): HTMLElement {
   const order = [...places].sort((a, b) => b.rms - a.rms);

@@ -1,10 +1,11 @@
 /** Import in three steps, before anything runs: the files and the person, the markers, the laboratory's space. */
 
 import { filePath } from "../api/jobs.ts";
-import type { Correction, MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
+import type { Correction, GaitEventEntry, MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
 import { getSubject } from "../api/subjects.ts";
 import { vocabulary } from "../api/vocabulary.ts";
 import { Draft } from "../imports/draft.ts";
+import { eventList } from "../imports/events.ts";
 import { facts } from "../imports/facts.ts";
 import { fileTable } from "../imports/files.ts";
 import { laboratoryMap, MarkerMap } from "../imports/markermap.ts";
@@ -15,7 +16,7 @@ import { mending } from "../imports/mending.ts";
 import { proofOf } from "../imports/proof.ts";
 import { readinessOf } from "../imports/readiness.ts";
 import { Saver } from "../imports/saver.ts";
-import { again, link } from "../routes.ts";
+import { again, link, note } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { guarded, problemList } from "../ui/problem.ts";
@@ -78,7 +79,13 @@ function shown(
     await saver.flush();
     again();
   };
-  const space = inSpace(proof, job, place, markers, keep, signal);
+  const keepEvents = async (file: string, events: GaitEventEntry[] | null): Promise<void> => {
+    draft.events(file, events);
+    await saver.flush();
+    note({ recording: file });
+    again();
+  };
+  const space = inSpace(proof, job, place, markers, { correct: keep, events: keepEvents }, signal);
 
   const steps = new Steps("Steps of the import", [
     { name: "files", title: "Files and person", panel: [
@@ -130,10 +137,16 @@ interface Space {
   facts: HTMLElement;
 }
 
-function inSpace(proof: ProofDocument, job: string, place: Context["place"], markers: MarkerMap, keep: (file: string, correction: Correction) => Promise<void>, signal: AbortSignal): Space {
+interface Keep {
+  correct: (file: string, correction: Correction) => Promise<void>;
+  events: (file: string, events: GaitEventEntry[] | null) => Promise<void>;
+}
+
+function inSpace(proof: ProofDocument, job: string, place: Context["place"], markers: MarkerMap, keep: Keep, signal: AbortSignal): Space {
   const [home, alone, facts, box, mend, failed] = [h("div"), h("div"), h("section"), h("div"), h("div"), h("div")];
   const labels = [...new Set([...proof.recordings.flatMap((one) => one.labels.map(({ label }) => label)), ...proof.markers.map(({ marker }) => marker)])].sort();
-  const [first] = [...proof.recordings].sort((a, b) => b.walked_m - a.walked_m);
+  const wanted = place.query.get("recording");
+  const [first] = [...proof.recordings].sort((a, b) => Number(b.file === wanted) - Number(a.file === wanted) || b.walked_m - a.walked_m);
   if (first === undefined) return { stage: box, home, place: alone, facts };
   let leaving = new AbortController();
   const show = async (name: string): Promise<void> => {
@@ -144,13 +157,14 @@ function inSpace(proof: ProofDocument, job: string, place: Context["place"], mar
     const picked = (label: string | null): void => {
       if (!markers.clicked(label)) return;
       fill(mend, label !== null && mending({ file: recording.file, label, labels, span: [recording.start_s, end_s] }, () => preview.now, "Put it right",
-        (correction) => keep(recording.file, correction)));
+        (correction) => keep.correct(recording.file, correction)));
     };
     const preview = new Preview(recording, (file) => filePath(job, file), markers.names(), picked, AbortSignal.any([signal, leaving.signal]));
     markers.show = (label) => preview.mark(label);
     fill(mend);
     fill(box, preview.element, mend);
-    fill(facts, orientation(recording, proof, place), preview.gaps);
+    fill(facts, orientation(recording, proof, place),
+      eventList(recording, () => preview.now, (time_s) => preview.go(time_s), (events) => void guarded(failed, () => keep.events(recording.file, events))), preview.gaps);
     await preview.begin();
   };
   const names = proof.recordings.map(({ file }) => ({ value: file, text: file }));

@@ -7,6 +7,7 @@ import { besides, CHAPTERS, personChapters, personHead, type Newest } from "../r
 import { link } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
+import { noteSection } from "./note.ts";
 import { subjectHead } from "./subjecthead.ts";
 import type { View } from "./view.ts";
 
@@ -27,9 +28,11 @@ export const person: View = async ({ main, place, signal }) => {
     personHead(subject),
     ...(await personChapters(id, newest, known, signal)),
   );
-  if (other === "") return;
-  const theirs = await newestOf(other, signal);
-  main.append(newest.scaling === undefined || theirs.scaling === undefined
+  const results = CHAPTERS.flatMap((kind) => newest[kind]?.id ?? []);
+  const written = await noteSection(id, results, signal);
+  const theirs = other === "" ? null : await newestOf(other, signal);
+  if (theirs !== null) main.append(newest.scaling === undefined || theirs.scaling === undefined
     ? h("p", null, `Models of both ${id} and ${other} must have been compared before they can stand beside each other.`)
     : await besides([id, other], [newest.scaling, theirs.scaling], known, signal));
+  main.append(written);
 };

@@ -16,7 +16,7 @@ from scaling_service.capabilities.cohort.job import BatchRequest, summarise
 from scaling_service.capabilities.cohort.outcomes import Outcome, read_record
 from scaling_service.capabilities.cohort.result import CohortDocument
 from scaling_service.capabilities.cohort.run import BatchResult, batch
-from scaling_service.capabilities.cohort.saving import TABLES
+from scaling_service.capabilities.cohort.saving import list_tables
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
@@ -301,8 +301,8 @@ def test_the_services_job_says_what_the_command_says(root: Path, tmp_path: Path)
     assert found.statistics == alone.statistics
     assert [s.id for s in found.subjects] == list(NAMES)
     assert [s.groups for s in found.subjects] == [s.groups for s in alone.subjects]
-    assert {p.name for p in outputs.iterdir()} == {"cohort.json", "report.html", *TABLES}
-    for name in TABLES:
+    assert {p.name for p in outputs.iterdir()} == {"cohort.json", "report.html", *list_tables()}
+    for name in list_tables():
         assert (outputs / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
     (inputs / ".parts.json").write_text(
         json.dumps(

@@ -95,7 +95,7 @@ def test_an_effect_must_have_its_place_and_its_size(tmp_path: Path) -> None:
             for kind, where, sizes in effects
         ]
         (tmp_path / "discovery.json").write_text(json.dumps({"effects": found}), encoding="utf-8")
-        return dict(hidden.judge_names(hidden.HIDDEN[name], tmp_path, tmp_path))
+        return dict(hidden.judge_names(hidden.list_hidden()[name], tmp_path, tmp_path))
 
     mass = ("body_mass", "world", {"factor": 0.96})
     assert judge("ordinary", mass) == {"wrong": 0.0, "others": 0.0}

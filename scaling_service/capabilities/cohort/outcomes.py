@@ -193,9 +193,6 @@ class Record:
     summary: summaries.SubjectSummary
 
 
-_RECORDS = TypeAdapter(Record)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubjectMember:
     """How to scale the subject of a file, and where to write its results.
@@ -245,7 +242,7 @@ class SubjectMember:
         ]
         record = Record(specified, ("comparison.json", *written), summary)
         new = self.folder / f".{RECORD}.{os.getpid()}"
-        new.write_text(json.dumps(_RECORDS.dump_python(record)) + "\n", encoding="utf-8")
+        new.write_text(json.dumps(TypeAdapter(Record).dump_python(record)) + "\n", encoding="utf-8")
         new.replace(self.folder / RECORD)
         return Done(summary)
 
@@ -274,7 +271,7 @@ def hash_inputs(file: Path, subject: Subject, methods: abc.Sequence[str] | None,
 def read_record(folder: Path) -> Record | None:
     """What an earlier batch kept of a subject; None where it is absent, not whole, or its files are gone."""
     try:
-        record = _RECORDS.validate_json((folder / RECORD).read_bytes())
+        record = TypeAdapter(Record).validate_json((folder / RECORD).read_bytes())
     except (OSError, ValueError):  # absent, no JSON, or not this record: a ValidationError is a ValueError
         return None
     return record if all((folder / name).is_file() for name in record.files) else None
@@ -282,4 +279,4 @@ def read_record(folder: Path) -> Record | None:
 
 def read_summary(folder: Path) -> summaries.SubjectSummary:
     """What the statistics take of a subject that is done, whose other files need not be there."""
-    return _RECORDS.validate_json((folder / RECORD).read_bytes()).summary
+    return TypeAdapter(Record).validate_json((folder / RECORD).read_bytes()).summary

@@ -155,7 +155,8 @@ class BatchResult:
     def tables(self) -> dict[str, ResultTable]:
         """How every subject ended, and lengths, errors and mean curves of all."""
         every = {
-            name.removesuffix(".csv"): saving.tabulate_outcomes(name, self.outcomes) for name in saving.TABLES
+            name.removesuffix(".csv"): saving.tabulate_outcomes(name, self.outcomes)
+            for name in saving.list_tables()
         }
         return {"subjects": self.subjects, **every}
 

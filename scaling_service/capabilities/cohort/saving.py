@@ -6,7 +6,6 @@ import json
 import math
 from collections import abc
 from pathlib import Path
-from types import MappingProxyType
 
 from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import summary as summaries
@@ -29,11 +28,15 @@ def save_cohort(
     """Write the cohort's own files, all or none, and name them."""
     with writing.all_or_nothing(folder) as scratch:
         writing.write_json(scratch / DOCUMENT, document)
-        for name in TABLES:
+        for name in list_tables():
             table = tabulate_outcomes(name, outcomes).to_frame()
             (scratch / name).write_text(table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
         report = Report(
-            kind="batch", name=DOCUMENT, summary=summarise(document), document=document, beside=list(TABLES)
+            kind="batch",
+            name=DOCUMENT,
+            summary=summarise(document),
+            document=document,
+            beside=list(list_tables()),
         )
         (scratch / writing.REPORT).write_text(report.html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
@@ -65,10 +68,11 @@ def _list_angles(summary: summaries.SubjectSummary) -> abc.Iterator[Row]:
             yield {"method": name, "coordinate": coordinate, "strides": strides, **angles}
 
 
-TABLES: abc.Mapping[
+def list_tables() -> abc.Mapping[
     str, tuple[tuple[str, ...], abc.Callable[[summaries.SubjectSummary], abc.Iterable[Row]]]
-] = MappingProxyType(
-    {
+]:
+    """File to its columns after the subject's and its groups, and to where the rows come from."""
+    return {
         "lengths.csv": (("method", "segment", "length_mm"), _list_lengths),
         "errors.csv": (("method", "trial", "role", "mean_mm", "rms_mm", "max_mm"), _list_errors),
         "angles.csv": (
@@ -76,13 +80,11 @@ TABLES: abc.Mapping[
             _list_angles,
         ),
     }
-)
-"""File to its columns after the subject's and its groups, and to where the rows come from."""
 
 
 def tabulate_outcomes(name: str, outcomes: abc.Sequence[Outcome]) -> ResultTable:
-    """One of :data:`TABLES` over the members that are done; labels stand in columns ``group_…``."""
-    columns, read = TABLES[name]
+    """One of :func:`list_tables` over the members that are done; labels stand in columns ``group_…``."""
+    columns, read = list_tables()[name]
     groups = dict.fromkeys(f"group_{group}" for outcome in outcomes for group in outcome.groups)
     rows = [
         {"subject": o.summary.subject, **{f"group_{k}": v for k, v in o.groups.items()}, **row}
@@ -99,7 +101,7 @@ def check_names(members: abc.Iterable[tuple[str, str, Path]], source: str | Path
     seen: dict[str, str] = {}
     for name, shown, file in members:
         key = name.casefold()  # on some disks capitals do not count
-        if key in (DOCUMENT, writing.REPORT, *TABLES):
+        if key in (DOCUMENT, writing.REPORT, *list_tables()):
             raise errors.SubjectInvalid(
                 f"'{name}' is the name of a file of results",
                 file=file,
@@ -122,7 +124,7 @@ def refuse_foreign(folder: Path, names: abc.Sequence[str]) -> None:
         return
     document = _read_content(folder / DOCUMENT)
     ours = document.get("kind") == "cohort" and "schema_version" in document
-    for name in (DOCUMENT, writing.REPORT, *TABLES):
+    for name in (DOCUMENT, writing.REPORT, *list_tables()):
         if (folder / name).exists() and not ours:
             raise _refuse_foreign(folder, f"'{name}' there was not written by a batch")
     for name in names:

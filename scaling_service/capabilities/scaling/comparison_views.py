@@ -179,17 +179,14 @@ def _make_gait(results: Results, reference: str) -> GaitEntry:
     )
 
 
-VIEWS: abc.Mapping[str, abc.Callable[[Results, documents.ComparisonDocument], View]] = {
-    "kinematic_error": view_kinematic_error,
-    "segment_lengths": view_segment_lengths,
-    "joint_angles": view_joint_angles,
-}
-"""By the name of their files."""
-
-
 def write_view(folder: Path, name: str, results: Results, document: documents.ComparisonDocument) -> View:
     """Write a view as ``name.json`` and its numbers as ``name.csv``."""
-    view = VIEWS[name](results, document)
+    views: abc.Mapping[str, abc.Callable[[Results, documents.ComparisonDocument], View]] = {
+        "kinematic_error": view_kinematic_error,
+        "segment_lengths": view_segment_lengths,
+        "joint_angles": view_joint_angles,
+    }
+    view = views[name](results, document)
     write_json(folder / f"{name}.json", view)
     with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
         csv.writer(stream).writerows(_list_table_rows(view))

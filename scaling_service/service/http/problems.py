@@ -74,33 +74,31 @@ class RangeUnsatisfiable(InputError):
         self.size = size
 
 
-_STATUS: tuple[tuple[type[InputError], int], ...] = (
-    (errors.NotFound, 404),
-    (errors.InUse, 409),
-    (errors.TooLarge, 413),
-    (QueueFull, 429),
-    (TooManyRequests, 429),
-    (TooManyLinks, 429),
-    (errors.StoreFull, 507),
-    (QuotaReached, 507),
-    (errors.StoreUnavailable, 503),
-    (KeyNeeded, 401),
-    (BodyUnreadable, 400),
-    (WrongMediaType, 415),
-    (TooSlow, 408),
-    (WrongHost, 421),
-    (ForeignOrigin, 403),
-    (RangeUnsatisfiable, 416),
-    (ExampleFailed, 500),
-    (InputError, 422),
-)
-"""The first that fits counts."""
-
-
 def answer_problem(error: InputError, status: int | None = None) -> JSONResponse:
     """An error as the answer to a request."""
     name = type(error).__name__
-    code = status or next(status for kind, status in _STATUS if isinstance(error, kind))
+    # The first that fits counts.
+    known: tuple[tuple[type[InputError], int], ...] = (
+        (errors.NotFound, 404),
+        (errors.InUse, 409),
+        (errors.TooLarge, 413),
+        (QueueFull, 429),
+        (TooManyRequests, 429),
+        (TooManyLinks, 429),
+        (errors.StoreFull, 507),
+        (QuotaReached, 507),
+        (errors.StoreUnavailable, 503),
+        (KeyNeeded, 401),
+        (BodyUnreadable, 400),
+        (WrongMediaType, 415),
+        (TooSlow, 408),
+        (WrongHost, 421),
+        (ForeignOrigin, 403),
+        (RangeUnsatisfiable, 416),
+        (ExampleFailed, 500),
+        (InputError, 422),
+    )
+    code = status or next(status for kind, status in known if isinstance(error, kind))
     if isinstance(error, errors.StoreUnavailable):  # where it lies on this machine is no client's business
         error = errors.StoreUnavailable(error.problem, remedy=error.remedy)
     document = Problem(

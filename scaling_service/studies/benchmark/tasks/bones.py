@@ -84,18 +84,19 @@ def _double(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     return {"femur_r": trimesh.Trimesh(vertices, faces, process=False)}, _stay
 
 
-VARIANTS: abc.Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
-    "clean": (lambda bones, _up: (bones, _stay), TIGHT_MM, ("hip_centre", "knee_centre")),
-    "turned": (_turn, TIGHT_MM, ("hip_centre", "knee_centre")),
-    "inside_out": (_turn_inside_out, TIGHT_MM, ("hip_centre", "knee_centre")),
-    "noise": (_add_noise, LOOSE_MM, ("hip_centre", "knee_centre")),
-    "no_head": (partial(_cut, share=0.33, top=True), LOOSE_MM, ("knee_centre",)),
-    "no_condyles": (partial(_cut, share=0.33, top=False), LOOSE_MM, ("hip_centre",)),
-    "other_side": (_mirror, MUST_REFUSE, ()),
-    "tibia_for_femur": (_exchange, MUST_REFUSE, ()),
-    "two_femurs": (_double, MUST_REFUSE, ()),
-}
-"""What becomes of the bones, how far landmarks may then be off (mm), and what must still be given."""
+def list_variants() -> abc.Mapping[str, tuple[Change, float | str, tuple[str, ...]]]:
+    """What becomes of the bones, how far landmarks may then be off (mm), and what must still be given."""
+    return {
+        "clean": (lambda bones, _up: (bones, _stay), TIGHT_MM, ("hip_centre", "knee_centre")),
+        "turned": (_turn, TIGHT_MM, ("hip_centre", "knee_centre")),
+        "inside_out": (_turn_inside_out, TIGHT_MM, ("hip_centre", "knee_centre")),
+        "noise": (_add_noise, LOOSE_MM, ("hip_centre", "knee_centre")),
+        "no_head": (partial(_cut, share=0.33, top=True), LOOSE_MM, ("knee_centre",)),
+        "no_condyles": (partial(_cut, share=0.33, top=False), LOOSE_MM, ("hip_centre",)),
+        "other_side": (_mirror, MUST_REFUSE, ()),
+        "tibia_for_femur": (_exchange, MUST_REFUSE, ()),
+        "two_femurs": (_double, MUST_REFUSE, ()),
+    }
 
 
 def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
@@ -109,7 +110,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]
             assert isinstance(surface, trimesh.Trimesh)
             bones[s] = surface
         up = expert["hip_r"][0] - expert["knee_r"][0]
-        for variant, (change, within, must) in VARIANTS.items():
+        for variant, (change, within, must) in list_variants().items():
             changed, place = change(bones, up / np.linalg.norm(up))
             box = folder / f"{person}_{variant}"
             box.mkdir(parents=True, exist_ok=True)

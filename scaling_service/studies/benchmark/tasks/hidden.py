@@ -94,55 +94,57 @@ def _nothing(_box: Path) -> None:
     """No change of files."""
 
 
-HIDDEN: abc.Mapping[str, Hidden | None] = {
-    "ordinary": None,
-    "swap": Hidden(
-        kind="marker_swap",
-        where=frozenset({"r_sh2", "r_shank_antsup"}),
-        change=partial(_change_markers, (SQUAT,), partial(_exchange, "r_sh2", "r_shank_antsup")),
-    ),
-    "moved": Hidden(
-        kind="marker_offset",
-        where=frozenset({"L_thigh3"}),
-        change=partial(
-            _change_markers,
-            (WALK,),
-            partial(_stick, "L_thigh3", ("L_thigh1", "L_thigh2", "L_thigh4"), (0.025, 0.015, 0.0)),
+def list_hidden() -> abc.Mapping[str, Hidden | None]:
+    """What is hidden in the recordings, by name; nothing in the first."""
+    return {
+        "ordinary": None,
+        "swap": Hidden(
+            kind="marker_swap",
+            where=frozenset({"r_sh2", "r_shank_antsup"}),
+            change=partial(_change_markers, (SQUAT,), partial(_exchange, "r_sh2", "r_shank_antsup")),
         ),
-        size=("_mm", 29.2, 8.0),
-    ),
-    "mass": Hidden(
-        kind="body_mass",
-        where=frozenset({"world"}),
-        change=_nothing,
-        mass_factor=1.07,
-        size=("factor", 0.960 / 1.07, 0.015),
-    ),
-    "gain": Hidden(
-        kind="plate_gain",
-        where=frozenset({"plate_2"}),
-        change=partial(_change_forces, _gain),
-        size=("factor", 1.10, 0.03),
-    ),
-    "plate": Hidden(
-        kind="plate_position",
-        where=frozenset({"plate_1"}),
-        change=partial(_change_forces, _shift),
-        size=("_mm", 40.0, 12.0),
-    ),
-    "volume": Hidden(
-        kind="capture_scale",
-        where=frozenset({"markers"}),
-        change=partial(_change_markers, (SQUAT, WALK), lambda trial: 1.05 * trial.markers),
-        size=("factor", 1.05, 0.015),
-    ),
-}
+        "moved": Hidden(
+            kind="marker_offset",
+            where=frozenset({"L_thigh3"}),
+            change=partial(
+                _change_markers,
+                (WALK,),
+                partial(_stick, "L_thigh3", ("L_thigh1", "L_thigh2", "L_thigh4"), (0.025, 0.015, 0.0)),
+            ),
+            size=("_mm", 29.2, 8.0),
+        ),
+        "mass": Hidden(
+            kind="body_mass",
+            where=frozenset({"world"}),
+            change=_nothing,
+            mass_factor=1.07,
+            size=("factor", 0.960 / 1.07, 0.015),
+        ),
+        "gain": Hidden(
+            kind="plate_gain",
+            where=frozenset({"plate_2"}),
+            change=partial(_change_forces, _gain),
+            size=("factor", 1.10, 0.03),
+        ),
+        "plate": Hidden(
+            kind="plate_position",
+            where=frozenset({"plate_1"}),
+            change=partial(_change_forces, _shift),
+            size=("_mm", 40.0, 12.0),
+        ),
+        "volume": Hidden(
+            kind="capture_scale",
+            where=frozenset({"markers"}),
+            change=partial(_change_markers, (SQUAT, WALK), lambda trial: 1.05 * trial.markers),
+            size=("factor", 1.05, 0.015),
+        ),
+    }
 
 
 def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[benchmark_parts.Case]:
     """Squats to fit and a walk held out, as recorded and with one thing hidden in them."""
     cases = []
-    for name, hidden in HIDDEN.items():
+    for name, hidden in list_hidden().items():
         box = folder / name
         box.mkdir(parents=True, exist_ok=True)
         for trial in (SQUAT, WALK):

@@ -50,18 +50,19 @@ def _rename(trial: Trial) -> Trial:
     return replace(trial, labels=tuple(own.get(label, label) for label in trial.labels))
 
 
-CHANGES: abc.Mapping[str, tuple[abc.Callable[[Trial], Trial], bool]] = {
-    PLAIN: (lambda trial: trial, True),
-    "z_up": (partial(_move, matrix=((1, 0, 0), (0, 0, -1), (0, 1, 0))), True),
-    "turned": (partial(_move, matrix=((-1, 0, 0), (0, 1, 0), (0, 0, -1))), True),
-    "prefix": (_prefix, True),
-    "laboratory_names": (_rename, True),
-    "mirrored_x": (partial(_move, matrix=((-1, 0, 0), (0, 1, 0), (0, 0, 1))), False),
-    "mirrored_z": (partial(_move, matrix=((1, 0, 0), (0, 1, 0), (0, 0, -1))), False),
-    "two_persons": (_with_another_person, False),
-    "no_pelvis": (_without_pelvis, False),
-}
-"""What becomes of the markers, and whether there is an answer."""
+def list_changes() -> abc.Mapping[str, tuple[abc.Callable[[Trial], Trial], bool]]:
+    """What becomes of the markers, and whether there is an answer."""
+    return {
+        PLAIN: (lambda trial: trial, True),
+        "z_up": (partial(_move, matrix=((1, 0, 0), (0, 0, -1), (0, 1, 0))), True),
+        "turned": (partial(_move, matrix=((-1, 0, 0), (0, 1, 0), (0, 0, -1))), True),
+        "prefix": (_prefix, True),
+        "laboratory_names": (_rename, True),
+        "mirrored_x": (partial(_move, matrix=((-1, 0, 0), (0, 1, 0), (0, 0, 1))), False),
+        "mirrored_z": (partial(_move, matrix=((1, 0, 0), (0, 1, 0), (0, 0, -1))), False),
+        "two_persons": (_with_another_person, False),
+        "no_pelvis": (_without_pelvis, False),
+    }
 
 
 def _write_time_in_ms(text: str) -> str:
@@ -76,30 +77,32 @@ def _miscount(text: str) -> str:
     return "\n".join([*lines[:2], "\t".join(counts), *lines[3:]]) + "\n"
 
 
-TEXTS: abc.Mapping[str, abc.Callable[[str], str]] = {
-    "crlf": lambda text: text.replace("\n", "\r\n"),
-    "no_blank_line": lambda text: "\n".join(line for line in text.split("\n") if line.strip()) + "\n",
-    "trailing_tabs": lambda text: "\n".join(f"{line}\t" if line else line for line in text.split("\n")),
-    "frames_miscounted": _miscount,
-    "time_in_ms": _write_time_in_ms,
-}
-"""How the plain files are written anew."""
+def list_texts() -> abc.Mapping[str, abc.Callable[[str], str]]:
+    """How the plain files are written anew."""
+    return {
+        "crlf": lambda text: text.replace("\n", "\r\n"),
+        "no_blank_line": lambda text: "\n".join(line for line in text.split("\n") if line.strip()) + "\n",
+        "trailing_tabs": lambda text: "\n".join(f"{line}\t" if line else line for line in text.split("\n")),
+        "frames_miscounted": _miscount,
+        "time_in_ms": _write_time_in_ms,
+    }
 
 
 def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """Standing and walking of jia_mri, in every way; the scale tool's set-up and model stay the same."""
     trials = {name: images.take_markers(data / "jia_mri" / file) for name, file in _FILES.items()}
     cases = []
-    ways = [*CHANGES, "metres", *TEXTS]
+    changes, texts = list_changes(), list_texts()
+    ways = [*changes, "metres", *texts]
     for way in ways:
         box = folder / way
         images.write_jia(data, box)
-        change, answerable = CHANGES.get(way, (CHANGES[PLAIN][0], True))
+        change, answerable = changes.get(way, (changes[PLAIN][0], True))
         for name, trial in trials.items():
             path = box / f"{name}.trc"
             write_trc(path, change(trial), "m" if way == "metres" else "mm")
-            if way in TEXTS:
-                path.write_bytes(TEXTS[way](path.read_text(encoding="utf-8")).encode())
+            if way in texts:
+                path.write_bytes(texts[way](path.read_text(encoding="utf-8")).encode())
         _legs.write_subject(box, images.describe_jia())
         cases.append(
             parts.Case(

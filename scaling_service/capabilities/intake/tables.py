@@ -82,7 +82,20 @@ def check_recording(
     contacts: list[Contact] = []
     force = pressure = None
     if turned is not None:
-        force, pressure, plates, contacts = _of_forces(turned, item, axes, trial, files)
+        # Tables of force and pressure, plates, and who stood on them. Corners and types are known of the
+        # recording's own plates only.
+        ground_forces = turned.change(
+            times=trial.times,
+            force=table_files.sample_at(turned.times, turned.force, trial.times),
+            moment=table_files.sample_at(turned.times, turned.moment, trial.times),
+            read=None,
+        )
+        own = item.corners if len(item.plates) == len(turned.plates) else None
+        entries = table_files.list_plates(turned, None if own is None else axes.rotate(own))
+        kinds = () if own is None else tuple(plate.kind for plate in item.plates)
+        plates, contacts = describe_plates(entries, ground_forces, trial, kinds)
+        force = files.write(f"{item.file}.force", ground_forces.force, "N")
+        pressure = files.write(f"{item.file}.pressure", ground_forces.centre_of_pressure(), "m")
     entry = documents.RecordingProof(
         name=trial.name,
         file=item.file,
@@ -120,35 +133,6 @@ def _turn(
         return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
         return None, [intake_files.make_problem(error, "warning", ground.source)]
-
-
-def _of_forces(
-    forces: GroundForces,
-    item: intake_files.RecordingFile,
-    axes: orientation.Orientation,
-    trial: Trial,
-    files: table_files.ArrayFiles,
-) -> tuple[base.ArrayEntry, base.ArrayEntry, list[base.PlateEntry], list[Contact]]:
-    """Tables of force and pressure, plates, and who stood on them.
-
-    Corners and types are known of the recording's own plates only.
-    """
-    ground = forces.change(
-        times=trial.times,
-        force=table_files.sample_at(forces.times, forces.force, trial.times),
-        moment=table_files.sample_at(forces.times, forces.moment, trial.times),
-        read=None,
-    )
-    own = item.corners if len(item.plates) == len(forces.plates) else None
-    entries = table_files.list_plates(forces, None if own is None else axes.rotate(own))
-    kinds = () if own is None else tuple(plate.kind for plate in item.plates)
-    described, contacts = describe_plates(entries, ground, trial, kinds)
-    return (
-        files.write(f"{item.file}.force", ground.force, "N"),
-        files.write(f"{item.file}.pressure", ground.centre_of_pressure(), "m"),
-        described,
-        contacts,
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core import errors
-from scaling_service.core.arrays import Array as Array
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Vector
 from scaling_service.numerics.least_squares.problem import find_shown
 

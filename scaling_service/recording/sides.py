@@ -108,9 +108,10 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
                 total += np.where(states[:, a] == states[:, b], alike, unlike)
     votes = np.full((len(witnesses), len(pairs)), np.nan)
     for row, witness in zip(votes, witnesses, strict=True):
+        right = normalise(witness.right)
         for k, (pair, line) in enumerate(zip(pairs, lines, strict=True)):
             if pair.region in witness.regions:
-                row[k] = take_median(np.einsum("fi,fi->f", normalise(witness.right), line))
+                row[k] = take_median(np.einsum("fi,fi->f", right, line))
     # Log density of what a witness says if it can be trusted.
     likely = np.zeros((len(witnesses), len(states)))
     for k, row in enumerate(votes):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -53,7 +53,7 @@ def invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
     return tuple(replace(joint, law=joint.law.scale(-1.0)) for joint in reversed(chain))
 
 
-def _read_ellipsoid(joint: Any, parent: str | None, _: str | None) -> list[Joint]:
+def read_ellipsoid(joint: Any, parent: str | None, _: str | None) -> list[Joint]:
     """The child glides on an ellipsoid of the parent, its z axis along the normal of the unit sphere."""
     radii = library.list_numbers(
         library.import_opensim().EllipsoidJoint.safeDownCast(joint).get_radii_x_y_z()
@@ -63,7 +63,7 @@ def _read_ellipsoid(joint: Any, parent: str | None, _: str | None) -> list[Joint
     return [*_glide(names, "xyz", radii, parent), *turns]
 
 
-def _read_scapulothoracic(joint: Any, parent: str | None, child: str | None) -> list[Joint]:
+def read_scapulothoracic(joint: Any, parent: str | None, child: str | None) -> list[Joint]:
     """An ellipsoid joint a quarter turn about z off the joint frames, then a hinge in the tangent plane.
 
     Seth et al. 2016, PLoS ONE 11:e0141028.
@@ -98,7 +98,7 @@ def _glide(names: Sequence[str], components: str, radii: Sequence[float], parent
     ]
 
 
-def _read_constant_curvature(joint: Any, _: str | None, child: str | None) -> list[Joint]:
+def read_constant_curvature(joint: Any, _: str | None, child: str | None) -> list[Joint]:
     """An arc that leaves the parent along y and arrives in the child along y, then turned about it.
 
     Where it bends by less than 0.001 or more than 1.52 rad, OpenSim puts a straight rod in the arc's place
@@ -123,10 +123,3 @@ def _read_constant_curvature(joint: Any, _: str | None, child: str | None) -> li
 
 def _list_coordinates(joint: Any) -> list[str]:
     return [joint.get_coordinates(k).getName() for k in range(joint.numCoordinates())]
-
-
-SURFACE_JOINTS: Mapping[str, Callable[[Any, str | None, str | None], list[Joint]]] = {
-    "EllipsoidJoint": _read_ellipsoid,
-    "ScapulothoracicJoint": _read_scapulothoracic,
-    "ConstantCurvatureJoint": _read_constant_curvature,
-}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
@@ -46,6 +46,12 @@ _TURNS: tuple[tuple[Kind, Sequence[float]], ...] = (
     ("rotation", chains.Y),
     ("rotation", chains.Z),
 )
+
+_SURFACE_JOINTS: Mapping[str, Callable[[Any, str | None, str | None], list[Joint]]] = {
+    "EllipsoidJoint": chains.read_ellipsoid,
+    "ScapulothoracicJoint": chains.read_scapulothoracic,
+    "ConstantCurvatureJoint": chains.read_constant_curvature,
+}
 
 _FIXED_JOINTS: Mapping[str, tuple[tuple[Kind, Sequence[float]], ...]] = {
     "WeldJoint": (),
@@ -183,10 +189,8 @@ def _link(joint: Any, ranges: Mapping[str, functions.Range], dependent: Set[str]
     parent, outwards = chains.read_frame(joint.getParentFrame(), name)
     child, onwards = chains.read_frame(joint.getChildFrame(), name)
     kind = joint.getConcreteClassName()
-    if kind in chains.SURFACE_JOINTS:
-        moves = chains.SURFACE_JOINTS[kind](
-            joint, *(None if body == GROUND else body for body in (parent, child))
-        )
+    if kind in _SURFACE_JOINTS:
+        moves = _SURFACE_JOINTS[kind](joint, *(None if body == GROUND else body for body in (parent, child)))
         return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
     if kind == "CustomJoint":
         transform = library.import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.arrays import Array
 from scaling_service.model import body, reference
 from scaling_service.model.anatomy.lengths import find_centre
 from scaling_service.model.compile import evaluate_law
-from scaling_service.numerics.multibody.laws import Array
 
 _ALONG = np.cos(np.radians(30.0))  # chosen: an axis further off is that of another rotation
 _LEFT, _RIGHT = ("_l", "_left", "left_"), ("_r", "_right", "right_")

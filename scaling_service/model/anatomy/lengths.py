@@ -11,9 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model import body, poses
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.trial import Array
 
 _SIDES = ("r", "l", "")
 _ROLES: Mapping[str, tuple[str, ...]] = {

@@ -16,11 +16,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.model import body, reference
 from scaling_service.model.anatomy.knees import list_knees
 from scaling_service.model.anatomy.lengths import find_centre
 from scaling_service.model.people import read_people
-from scaling_service.numerics.multibody.laws import Array
 
 Part = Literal["thigh", "shank"]
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.least_squares.whitening import (
@@ -57,13 +58,13 @@ class Posterior:
     by their variances, over how many there are.
     """
 
-    q: laws.Array
-    p: laws.Array
-    covariance: laws.Array
+    q: Array
+    p: Array
+    covariance: Array
     cost: float
     misfit: float
     freedom: float
-    squares: laws.Array
+    squares: Array
     steps: int
     outcome: Outcome
 
@@ -72,17 +73,17 @@ class Posterior:
 class _Normal:
     """Whitened residuals with the normal equations of frames and parameters, without the prior."""
 
-    own: laws.Array  # (n, nq, nq)
-    cross: laws.Array  # (n, nq, np)
-    slope: laws.Array  # (n, nq)
-    shared: laws.Array  # (np, np)
-    shared_slope: laws.Array  # (np,)
+    own: Array  # (n, nq, nq)
+    cross: Array  # (n, nq, np)
+    slope: Array  # (n, nq)
+    shared: Array  # (np, np)
+    shared_slope: Array  # (np,)
 
 
 def solve_posterior(
     problem: PosteriorProblem,
-    q0: laws.Array,
-    p0: laws.Array,
+    q0: Array,
+    p0: Array,
     progress: Callable[[int, float], None] | None = None,
     most: int = MOST_STEPS,
 ) -> Posterior:
@@ -99,7 +100,7 @@ def solve_posterior(
         steps += 1
         curvature, slope, solved = _eliminate(problem, normal, p, damping)
         damped = curvature + damping * np.diag(np.diag(curvature))
-        step: laws.Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
+        step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
         trial_q, trial_p = q.copy(), p + step
         trial_q[:, problem.coordinates] += solved[:, :, 0] - solved[:, :, 1:] @ step
         trial_q = _solve_block(problem, whitening, trial_q, trial_p, _INNER)
@@ -117,7 +118,7 @@ def solve_posterior(
     problem = replace(problem, integrated=None)
     normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
     curvature, _, _ = _eliminate(problem, normal, p, 0.0)
-    covariance: laws.Array = np.asarray(np.linalg.inv(curvature), dtype=float)
+    covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
     told = len(p) - float(np.einsum("ij,ji->", covariance, problem.prior.precision))
     told += float(problem.shares.sum()) * len(problem.coordinates)
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)
@@ -136,9 +137,7 @@ def solve_posterior(
     )
 
 
-def _compute_cost(
-    problem: PosteriorProblem, whitening: Whitening, q: laws.Array, p: laws.Array
-) -> tuple[laws.Array, float]:
+def _compute_cost(problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array) -> tuple[Array, float]:
     """Whitened residuals, (n, 3 n_markers), and the cost: theirs and the prior's, but for a constant."""
     poses = pose_links(problem.tree, np.ascontiguousarray(q.T), p)
     gap = np.moveaxis(problem.measured, 0, -1) - place_tree_markers(problem.tree, poses)
@@ -155,9 +154,9 @@ def _compute_cost(
 def _linearise(
     problem: PosteriorProblem,
     whitening: Whitening,
-    q: laws.Array,
-    p: laws.Array,
-    gap: laws.Array,
+    q: Array,
+    p: Array,
+    gap: Array,
     *,
     shared: bool = True,
 ) -> _Normal:
@@ -199,7 +198,7 @@ def _linearise(
     return _Normal(own=curvature, cross=cross, slope=slope, shared=together, shared_slope=pull)
 
 
-def _flatten(white: laws.Array) -> laws.Array:
+def _flatten(white: Array) -> Array:
     """Numbers by frame (n, k, m) in one row each, (k, n m)."""
     n, count, m = white.shape
     return np.ascontiguousarray(white.transpose(1, 0, 2)).reshape(count, n * m)
@@ -207,7 +206,7 @@ def _flatten(white: laws.Array) -> laws.Array:
 
 def _find_directions(
     tree: Tree, poses: Poses, parameters: NDArray[np.intp], group: ErrorGroup
-) -> tuple[laws.Array, laws.Array]:
+) -> tuple[Array, Array]:
     """The direction along which each parameter moves its one marker in the link, and how far per unit.
 
     Returns (k, 3 m) and (k, n).
@@ -223,8 +222,8 @@ def _find_directions(
 
 
 def _eliminate(
-    problem: PosteriorProblem, normal: _Normal, p: laws.Array, damping: float
-) -> tuple[laws.Array, laws.Array, laws.Array]:
+    problem: PosteriorProblem, normal: _Normal, p: Array, damping: float
+) -> tuple[Array, Array, Array]:
     """Curvature and slope of the parameters, and how each frame's coordinates follow: (n, nq, 1 + np)."""
     own = normal.own.copy()
     diagonal = np.einsum("nii->ni", own)
@@ -239,7 +238,7 @@ def _eliminate(
 
 
 def integrate_over(
-    problem: PosteriorProblem, q: laws.Array, p: laws.Array, latent: NDArray[np.intp]
+    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp]
 ) -> PosteriorProblem:
     """The problem with what the likelihood's integral over some parameters adds to its cost.
 
@@ -273,8 +272,8 @@ def integrate_over(
 
 
 def _eliminate_slopes(
-    problem: PosteriorProblem, q: laws.Array, p: laws.Array, latent: NDArray[np.intp], own: laws.Array
-) -> laws.Array:
+    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp], own: Array
+) -> Array:
     """Each frame's curvature of latent parameters per unit of their drivers, the poses eliminated, (n, k, k).
 
     ``own`` (n, nq, nq): the poses' curvature. Parameters of different groups meet in the poses alone.
@@ -298,7 +297,7 @@ def _eliminate_slopes(
     return np.asarray(curvature)
 
 
-def solve_poses(problem: PosteriorProblem, q0: laws.Array, p: laws.Array) -> laws.Array:
+def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
     """The mean of the poses (n_frames, n_coordinates) where the parameters are known.
 
     Frames share nothing then, so each has its own damping. ``q0``: where to start.
@@ -312,12 +311,12 @@ def solve_poses(problem: PosteriorProblem, q0: laws.Array, p: laws.Array) -> law
 
 def propagate(
     problem: PosteriorProblem,
-    q: laws.Array,
-    p: laws.Array,
-    covariance: laws.Array,
+    q: Array,
+    p: Array,
+    covariance: Array,
     known: NDArray[np.bool_],
     alike: float,
-) -> tuple[laws.Array, laws.Array]:
+) -> tuple[Array, Array]:
     """Covariance of each frame's poses, (n_frames, n, n), from markers and from the parameters'.
 
     And the standard deviation of each coordinate's mean, (n,): what the parameters leave open is the same in
@@ -348,7 +347,7 @@ def split_rows(count: int) -> list[slice]:
     return [slice(start, min(start + _FRAMES, count)) for start in range(0, count, _FRAMES)]
 
 
-def _with_ridge(own: laws.Array) -> laws.Array:
+def _with_ridge(own: Array) -> Array:
     own = own.copy()
     diagonal = np.einsum("nii->ni", own)
     diagonal += _RIDGE * diagonal.max(axis=1, keepdims=True, initial=0.0) + 1e-300
@@ -356,8 +355,8 @@ def _with_ridge(own: laws.Array) -> laws.Array:
 
 
 def _solve_block(
-    problem: PosteriorProblem, whitening: Whitening, q: laws.Array, p: laws.Array, most: int = MOST_STEPS
-) -> laws.Array:
+    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array, most: int = MOST_STEPS
+) -> Array:
     """The poses of frames that are linearised together, each with a damping of its own."""
     nothing = replace(problem, prior=GaussianPrior(()))
     damping = np.full(len(q), _FIRST)
@@ -383,14 +382,14 @@ def _solve_block(
 
 
 def _compute_frame_costs(
-    problem: PosteriorProblem, whitening: Whitening, q: laws.Array, p: laws.Array
-) -> tuple[laws.Array, laws.Array]:
+    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array
+) -> tuple[Array, Array]:
     """Whitened residuals and the cost of each frame."""
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(())), whitening, q, p)
     return white, np.square(white).sum(axis=1) + _compute_held_costs(problem, q)
 
 
-def _compute_held_costs(problem: PosteriorProblem, q: laws.Array) -> laws.Array:
+def _compute_held_costs(problem: PosteriorProblem, q: Array) -> Array:
     """What rules each frame's coordinates beside the markers, (n,), but for a constant."""
     costs, own = np.zeros(len(q)), q[:, problem.coordinates]
     for precision, pull in _list_held(problem):
@@ -398,5 +397,5 @@ def _compute_held_costs(problem: PosteriorProblem, q: laws.Array) -> laws.Array:
     return costs
 
 
-def _list_held(problem: PosteriorProblem) -> list[tuple[laws.Array, laws.Array]]:
+def _list_held(problem: PosteriorProblem) -> list[tuple[Array, Array]]:
     return [part for part in (problem.held, problem.integrated) if part is not None]

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.arrays import Array as Array
+from scaling_service.core.arrays import Array
 from scaling_service.core.arrays import Mask as Mask
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.core.arrays import Array as Array
+from scaling_service.core.arrays import Array
 
 MIN_POINTS = 3
 """A plane of points is the least that fixes an orientation (Soderkvist & Wedin 1993, sec. 2)."""

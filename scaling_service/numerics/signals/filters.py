@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.core.arrays import Array as Array
+from scaling_service.core.arrays import Array
 from scaling_service.core.arrays import Mask as Mask
 
 MIN_CONTEXT = 2

@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.bones import shapes
 from scaling_service.virtual.subject import Sex
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
 from scaling_service.model.parameters import compute_axis
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual import subject
 from scaling_service.virtual.bones import leg
 from scaling_service.virtual.bones.shapes import (

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _FAR = 1.0  # m; chosen: larger than any bone, so "nothing near"
 _NEAR = 8e-3  # m; chosen: more than two steps of a grid, so that its zero surface feels nothing left out

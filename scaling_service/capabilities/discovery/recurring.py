@@ -19,16 +19,17 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery import options, pooling, words
 from scaling_service.capabilities.discovery.document import QuantityDocument
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
     SearchContext,
 )
-from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
+from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.run import USUAL, discover
 from scaling_service.capabilities.discovery.saving import save_discovery
+from scaling_service.capabilities.discovery.search.leanings import OF_MODELS
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
@@ -188,12 +189,17 @@ def find_recurring(
         why, seen = (_WORSE, refused[k]) if k in refused else (alone, ({}, {}))
         entries.append(_describe(pooled, named, k, odds[k], why, left=seen))
     first = next(iter(found.values()))
-    generic, candidates = first.prepared.loaded.session.model, first.leanings.candidates
-    effects = [
-        replace(effect, candidate=_place_in(generic, effect.candidate))
-        for one, size, _ in together
-        for effect in one.place(candidates, generic, size)
-    ]
+    generic = first.prepared.loaded.session.model
+    scenes = [results.before.scene for results in found.values()]
+    scene = Scene(
+        model=generic,
+        markers=tuple(m for m in scenes[0].markers if m in generic.marker_names),
+        moving=tuple(c for c in generic.coordinate_names if any(c in each.moving for each in scenes)),
+        trials=scenes[0].trials,
+        plates=tuple(plate for each in scenes for plate in each.plates),
+    )
+    every = list(propose_candidates(scene, OF_MODELS))
+    effects = [effect for one, size, _ in together for effect in one.place(every, generic, size)]
     document = RecurringDocument(
         headline=_write_headline(entries, len(found)),
         model=generic.name,
@@ -261,19 +267,6 @@ def _say_numbers(one: pooling.Shared, size: Array, sd: Array) -> dict[str, Any]:
     shown = {name: QuantityDocument(value=value, sd=spread) for name, (value, spread) in numbers.items()}
     said = words.describe_effect(candidate.kind, one.where, candidate.driver, (), shown, spread=True)
     return {"parameters": numbers, "name": f"{said} (right; left mirrored)" if len(one.sides) > 1 else said}
-
-
-def _place_in(model: BodyModel, candidate: Candidate) -> Candidate:
-    """An effect of a person's masses as one of another model's."""
-    if candidate.kind not in ("segment_mass", "segment_com"):
-        return candidate
-    segment = model.segment(candidate.where[0])
-    if candidate.kind == "segment_mass":
-        loads = [scale_segment(segment)]
-    else:
-        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
-    pairs = zip(candidate.columns, loads, strict=True)
-    return replace(candidate, columns=tuple(replace(column, load=load) for column, load in pairs))
 
 
 def _write_headline(entries: Sequence[RecurringEntry], count: int) -> str:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     )
     from scaling_service.capabilities.motion.kinematic_error import kinematic_error as kinematic_error
     from scaling_service.capabilities.motion.options import MotionOptions as MotionOptions
-    from scaling_service.capabilities.motion.run import Tracked as Tracked
+    from scaling_service.capabilities.motion.result import Tracked as Tracked
     from scaling_service.capabilities.motion.run import ik as ik
     from scaling_service.capabilities.motion.saving import save_motions as save_motions
     from scaling_service.capabilities.scaling.result import Results as Results
@@ -54,7 +54,7 @@ HOMES = {  # public name: its module, under this package
     "Scaling": "capabilities.scaling.result",
     "Settings": "capabilities.shared.settings",
     "Subject": "model.subject",
-    "Tracked": "capabilities.motion.run",
+    "Tracked": "capabilities.motion.result",
     "batch": "capabilities.cohort.run",
     "compare": "capabilities.scaling.run",
     "discover": "capabilities.discovery.run",

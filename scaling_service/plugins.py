@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.discovery.observations.wrench import Load as Load
     from scaling_service.capabilities.discovery.observations.wrench import WrenchFit as WrenchFit
     from scaling_service.capabilities.scaling.methods.fitting import Progress as Progress
-    from scaling_service.capabilities.scaling.methods.table import Method as Method
+    from scaling_service.capabilities.scaling.methods.method import Method as Method
     from scaling_service.capabilities.scaling.methods.table import calibrate as calibrate
     from scaling_service.capabilities.shared.settings import CalibrationSettings as CalibrationSettings
     from scaling_service.core.arrays import Array as Array
@@ -63,7 +63,7 @@ HOMES = {  # name: its module, under this package
     # methods
     "Calibration": "model.results",
     "CalibrationSettings": "capabilities.shared.settings",
-    "Method": "capabilities.scaling.methods.table",
+    "Method": "capabilities.scaling.methods.method",
     "Progress": "capabilities.scaling.methods.fitting",
     "calibrate": "capabilities.scaling.methods.table",
     # effects

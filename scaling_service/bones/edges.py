@@ -34,8 +34,9 @@ NO_RIMS = Rims(np.zeros((0, 3)), np.zeros(0))
 def find_rims(points: Array, faces: NDArray[np.intp]) -> Rims:
     """Where a surface of ``points`` (n, 3), m, and ``faces`` (m, 3) ends."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
-    names, compact = np.unique(unique[count == 1], return_inverse=True)
+    numbers, count = np.unique(edges @ np.array([len(points), 1]), return_counts=True)
+    single = np.stack(np.divmod(numbers[count == 1], len(points)), axis=1)
+    names, compact = np.unique(single, return_inverse=True)
     if not len(names):
         return NO_RIMS
     ends = compact.reshape(-1, 2)

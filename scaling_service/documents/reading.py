@@ -169,8 +169,15 @@ def _explain(error: ErrorDetails) -> tuple[str, str, str]:
         return ".".join([*path, *extra]), context["problem"], context["remedy"]
     field = ".".join(path)
     if kind == "extra_forbidden":
-        # The closest key that exists where an unknown one was found, or all of them
-        known = _list_keys(SubjectDocument, path[:-1])
+        # The mapping in which the unknown key was found, which lists and free keys may lead to
+        model: type[BaseModel] = SubjectDocument
+        annotation: Any = SubjectDocument
+        for part in path[:-1]:
+            # An index or a free key names no field: what it holds is sought further in.
+            if part in model.model_fields:
+                annotation = model.model_fields[part].annotation
+            model = next(_list_models(annotation), model)
+        known = list(model.model_fields)  # the closest key is told, or all of them
         return (
             field,
             "unknown key",
@@ -199,18 +206,6 @@ def _name_kind(value: object) -> str:
         return "nothing"
     shown = f" ({value!r})" if isinstance(value, str | int | float) and len(repr(value)) < 60 else ""
     return names.get(type(value), f"a {type(value).__name__}") + shown
-
-
-def _list_keys(document: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Keys of the mapping that stands at ``path``, which may lead through lists and free keys."""
-    model: type[BaseModel] = document
-    annotation: Any = document
-    for part in path:
-        # An index or a free key names no field: what it holds is sought further in.
-        if part in model.model_fields:
-            annotation = model.model_fields[part].annotation
-        model = next(_list_models(annotation), model)
-    return list(model.model_fields)
 
 
 def _list_models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -6,13 +6,13 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part, Tone
+from scaling_service.documents import base
 
 SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
 
 
-class TrialError(Part):
+class TrialError(base.Part):
     """Distances between measured and model markers over one trial, mm."""
 
     role: Literal["calibration", "evaluation"] = Field(description="Evaluation trials were not used to fit.")
@@ -26,7 +26,7 @@ class TrialError(Part):
     per_marker: dict[str, float] = Field(description="Marker to mean distance.")
 
 
-class JointCentre(Part):
+class JointCentre(base.Part):
     """Where a joint turns, in the frame of its proximal segment, mm."""
 
     frame: str
@@ -36,7 +36,7 @@ class JointCentre(Part):
     )
 
 
-class LengthEstimate(Part):
+class LengthEstimate(base.Part):
     """How well a length between joint centres is known, and what decides it; the shares add up to one."""
 
     sd_mm: float = Field(description="Standard deviation.")
@@ -45,14 +45,14 @@ class LengthEstimate(Part):
     expected: float = Field(description="Share of what persons of this stature, mass and sex are like.")
 
 
-class KneeAxis(Part):
+class KneeAxis(base.Part):
     """Turns of a knee's axis about x and y of the thigh, degrees."""
 
     x: float
     y: float
 
 
-class FittedParameter(Part):
+class FittedParameter(base.Part):
     """A number that was fitted, in ``unit``."""
 
     name: str
@@ -65,14 +65,14 @@ class FittedParameter(Part):
     identifiable: bool = Field(description="False where the recordings say no more than the bounds do.")
 
 
-class WallTime(Part):
+class WallTime(base.Part):
     """Seconds."""
 
     calibration: float
     inverse_kinematics: float
 
 
-class ClinicalCycle(Part):
+class ClinicalCycle(base.Part):
     """One gait cycle, from contact to contact of the same foot."""
 
     trial: str
@@ -80,7 +80,7 @@ class ClinicalCycle(Part):
     end_s: float
 
 
-class ClinicalCurve(Part):
+class ClinicalCurve(base.Part):
     """An angle over the gait cycle at 0, 2, … 100 %."""
 
     mean_deg: list[float]
@@ -88,7 +88,7 @@ class ClinicalCurve(Part):
     n_cycles: int
 
 
-class ClinicalSide(Part):
+class ClinicalSide(base.Part):
     """One leg."""
 
     cycles: list[ClinicalCycle]
@@ -99,7 +99,7 @@ class ClinicalSide(Part):
     gps_deg: float | None = Field(description="Gait Profile Score; null where one of nine angles is missing.")
 
 
-class ClinicalDocument(Part):
+class ClinicalDocument(base.Part):
     """Conventional angles of one model: curves, profile and score against a reference population."""
 
     reference: str
@@ -119,7 +119,7 @@ class ClinicalDocument(Part):
 SegmentSource = Literal["bone", "bone of the other leg", "movement", "markers", "persons alike"]
 
 
-class MethodResult(Part):
+class MethodResult(base.Part):
     """One method's model and how well it follows the recordings."""
 
     method: str
@@ -157,7 +157,7 @@ class MethodResult(Part):
     files: list[str] = Field(description="What was written beside this document.")
 
 
-class RepairNote(Part):
+class RepairNote(base.Part):
     """One thing that was changed or decided while reading or processing a recording."""
 
     what: str
@@ -166,7 +166,7 @@ class RepairNote(Part):
     frames: int
 
 
-class Provenance(Part):
+class Provenance(base.Part):
     """What is needed to get the same result again."""
 
     schema_version: int = SCHEMA_VERSION
@@ -187,14 +187,14 @@ class ScalingDocument(Provenance, MethodResult):
     """``scaling.json``: one method."""
 
 
-class TruthDocument(Part):
+class TruthDocument(base.Part):
     """The known answer of a virtual subject, and each method's distance from it."""
 
     segment_lengths_mm: dict[str, float]
     errors: dict[str, dict[str, float]] = Field(description="Method to measure to value.")
 
 
-class TrustNote(Part):
+class TrustNote(base.Part):
     """How far to trust one thing of a model."""
 
     topic: str
@@ -202,13 +202,13 @@ class TrustNote(Part):
     text: str
 
 
-class VerdictDocument(Part):
+class VerdictDocument(base.Part):
     """Which method to use for this person, why, and how far to trust it."""
 
     method: str
     strength: Literal["decided", "leaning", "undecided"]
     headline: str
-    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
+    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
     why: list[str]
     trust: list[TrustNote]
 
@@ -216,7 +216,7 @@ class VerdictDocument(Part):
 MuscleQuantity = Literal["moment arm", "length", "joint moment"]
 
 
-class MuscleDifference(Part):
+class MuscleDifference(base.Part):
     """Where one method's muscle or joint differs most from another's, over the trials compared."""
 
     method: str
@@ -250,7 +250,7 @@ class MuscleDifference(Part):
         )
 
 
-class MuscleDocument(Part):
+class MuscleDocument(base.Part):
     """What the methods make of the muscles."""
 
     reference: str = Field(description="The method that the others are held against.")

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, StringConstraints
 
+from scaling_service.documents import jobs
 from scaling_service.documents.base import Part
-from scaling_service.documents.jobs import Failure, State
 
 MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
 
@@ -104,7 +104,7 @@ class JobDocument(Part):
 
     id: str = Field(description="SHA-256 of what was asked for, the inputs and the code's version.")
     kind: str
-    state: State
+    state: jobs.State
     progress: Progress
     attempt: int = Field(description="How often it was begun.")
     revision: int = Field(description="Grows with every change.")
@@ -113,7 +113,7 @@ class JobDocument(Part):
     finished_at: datetime | None
     updated_at: datetime
     code_version: str
-    failure: Failure | None = Field(description="Why it failed; null unless it did.")
+    failure: jobs.Failure | None = Field(description="Why it failed; null unless it did.")
     links: dict[str, str] = Field(description="Paths of the events, the result and the files.")
 
 
@@ -206,6 +206,27 @@ class Vocabulary(Part):
 _Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]
 """Label in the recordings to model marker."""
+
+
+class SubjectNote(Part):
+    """What people write about a subject's results, and who signs it."""
+
+    text: str = Field(max_length=20_000, description="Anything, as it is to be read.")
+    signed_by: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="Who signs text and results; whoever writes anew without it takes the signature away.",
+    )
+    results: list[str] = Field(
+        default=[], max_length=100, description="The jobs whose results are signed.", examples=[["0f…"]]
+    )
+
+
+class SubjectNoteDocument(SubjectNote):
+    """A note as it is kept."""
+
+    updated_at: datetime | None = Field(description="When it was written or signed; null without a note.")
 
 
 class MarkerMap(Part):

@@ -113,27 +113,29 @@ class Trials(_Strict):
                     "Remove it from one of the two, or record another trial",
                     "evaluation",
                 )
-        self._refuse_equal_stems()
-        return self
-
-    def _refuse_equal_stems(self) -> None:
         # The static trial may serve for calibration as well; it then is one recording, not two.
         others = [self.static] if self.static and self.static not in self.calibration else []
-        seen: dict[str, str] = {}
+        seen: dict[tuple[str, bool], tuple[str, str]] = {}
         for field, paths in (
             ("static", others),
             ("calibration", self.calibration),
             ("evaluation", self.evaluation),
         ):
             for path in paths:
-                stem = PurePath(path).stem
-                if stem in seen:
+                name = PurePath(path)
+                of_sensors = name.suffix.lower() == ".sto"
+                like = seen.get((name.stem, of_sensors))
+                beside = seen.get((name.stem, not of_sensors))
+                # Markers and sensors of one movement are one recording.
+                other = like or (beside if beside is not None and beside[0] != field else None)
+                if other is not None:
                     raise _make_error(
-                        f"'{path}' and '{seen[stem]}' have the same name without suffix",
+                        f"'{path}' and '{other[1]}' have the same name without suffix",
                         "Results are named by it: remove or rename one of them",
                         field,
                     )
-                seen[stem] = path
+                seen[name.stem, of_sensors] = (field, path)
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -180,23 +182,38 @@ class Bones(_Strict):
 
 
 class Correction(_Strict):
-    """Labels of a recording that stand for each other for a while, and what they should be."""
+    """Labels of a recording that are wrong for a while, and what they should be."""
 
-    labels: dict[Name, Name] = Field(description="A label as it stands in the file, to the right one.")
+    labels: dict[Name, Name | None] = Field(
+        min_length=1,
+        description="A label as it stands in the file, to the right one; null leaves its marker out: a gap, "
+        "filled as gaps are.",
+    )
     from_s: float = Field(description="First time at which they are wrong, by the recording's clock.")
     to_s: float = Field(description="Last time at which they are wrong.")
 
     @model_validator(mode="after")
-    def _exchange(self) -> Correction:
-        if len(self.labels) < 2 or set(self.labels) != set(self.labels.values()):
+    def _each_once(self) -> Correction:
+        right = [label for label in self.labels.values() if label is not None]
+        if len(right) > len(set(right)):
             raise _make_error(
-                "labels are only exchanged with each other",
-                "Give each label of the exchange once on either side, such as {RLFE: RMFE, RMFE: RLFE}",
+                "two labels cannot be one marker",
+                "Give each right label once, and null to what is to be left out",
                 "labels",
             )
+        if any(label == name for label, name in self.labels.items()):
+            raise _make_error("a label stands for itself", "Name only labels that are wrong", "labels")
         if self.to_s < self.from_s:
             raise _make_error("it ends before it begins", "Give the earlier time first", "to_s")
         return self
+
+
+class GaitEventEntry(_Strict):
+    """A foot meets the ground or leaves it."""
+
+    side: Literal["r", "l"]
+    kind: Literal["strike", "off"] = Field(description="It meets the ground, or leaves it.")
+    time_s: float = Field(description="By the recording's clock.")
 
 
 class SubjectDocument(_Strict):
@@ -214,10 +231,14 @@ class SubjectDocument(_Strict):
     trials: Trials
     forces: dict[Name, Name] = Field(default={}, description="A trial's file name to its file of forces.")
     corrections: dict[Name, list[Correction]] = Field(
-        default={}, description="A trial's file name to labels that are exchanged in it for a while."
+        default={}, description="A trial's file name to labels that are wrong in it for a while."
     )
     mirrored: dict[Name, Literal["x", "y", "z"]] = Field(
         default={}, description="A trial's file name to the axis along which its markers are mirrored."
+    )
+    events: dict[Name, list[GaitEventEntry]] = Field(
+        default={},
+        description="A trial's file name to its heel strikes and toe-offs, in place of the file's own.",
     )
     bones: Bones | None = None
     bone_bodies: dict[BoneName, Name] = Field(
@@ -258,7 +279,20 @@ class SubjectDocument(_Strict):
                     "Keep it there if it is one of the model's markers, else here",
                     f"extra_markers.{label}",
                 )
-        self._check_trials()
+        names = [PurePath(path).name for path in self.trials.files]
+        named: dict[str, Iterable[str]] = {
+            "forces": self.forces,
+            "corrections": self.corrections,
+            "mirrored": self.mirrored,
+            "events": self.events,
+        }
+        for field, trial in ((field, trial) for field, trials in named.items() for trial in trials):
+            if trial not in names:
+                raise _make_error(
+                    "no trial has this file name",
+                    f"Use the file name of a trial: {', '.join(names)}",
+                    f"{field}.{trial}",
+                )
         for name, value in self.sizes.items():
             limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
             if limits is None:
@@ -279,19 +313,3 @@ class SubjectDocument(_Strict):
     def sizes_m(self) -> dict[str, float]:
         """The sizes in m, by name without unit."""
         return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
-
-    def _check_trials(self) -> None:
-        names = [PurePath(path).name for path in self.trials.files]
-        fields: dict[str, Iterable[str]] = {
-            "forces": self.forces,
-            "corrections": self.corrections,
-            "mirrored": self.mirrored,
-        }
-        for field, trials in fields.items():
-            for trial in trials:
-                if trial not in names:
-                    raise _make_error(
-                        "no trial has this file name",
-                        f"Use the file name of a trial: {', '.join(names)}",
-                        f"{field}.{trial}",
-                    )

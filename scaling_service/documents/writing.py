@@ -92,10 +92,19 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
     """Move files into the folder and what they replace out of it; nothing if it fails or is interrupted."""
     sources = [path for path in sorted(new.rglob("*")) if not path.is_dir()]
     targets = [folder / source.relative_to(new) for source in sources]
-    for target in targets:
-        _refuse_in_the_way(target, folder)
+    # A folder may stand in a file's place, or a file in the place of a method's folder.
+    blocked = [(target.parent, "file") for target in targets if target.parent.is_file()]
+    blocked += [(target, "folder") for target in targets if target.is_dir()]
+    for place, kind in blocked:
+        raise InputError(
+            f"'{place.relative_to(folder)}' is a {kind} there, in the way of a result",
+            file=folder,
+            field="--out",
+            remedy="Move it away, or name another folder",
+        )
     # Motions and bones of an earlier run belong to a model that is no longer there, a report to its numbers.
-    stale = [p for place in sorted({t.parent for t in targets} - {folder}) for p in _of_a_model(place)]
+    places = sorted({target.parent for target in targets} - {folder})
+    stale = [path for place in places for pattern in OF_A_MODEL for path in sorted(place.glob(pattern))]
     if folder / "comparison.json" in targets:
         stale += [path for path in (folder / REPORT,) if path.is_file()]
     replaced = list(dict.fromkeys([*stale, *(target for target in targets if target.exists())]))
@@ -118,25 +127,6 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
             if place.is_dir():
                 place.rmdir()
         raise
-
-
-def _of_a_model(place: Path) -> list[Path]:
-    return [path for pattern in OF_A_MODEL for path in sorted(place.glob(pattern))]
-
-
-def _refuse_in_the_way(target: Path, folder: Path) -> None:
-    """Raise where a folder stands in a file's place, or a file in the place of a method's folder."""
-    for place, kind, wrong in (
-        (target.parent, "file", target.parent.is_file()),
-        (target, "folder", target.is_dir()),
-    ):
-        if wrong:
-            raise InputError(
-                f"'{place.relative_to(folder)}' is a {kind} there, in the way of a result",
-                file=folder,
-                field="--out",
-                remedy="Move it away, or name another folder",
-            )
 
 
 def _explain_unwritable(folder: Path, reason: str | None) -> InputError:

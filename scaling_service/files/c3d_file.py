@@ -18,14 +18,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.c3d_layout import NO_POINTS, SAME, Layout, find_layout, find_rate
-from scaling_service.files.c3d_parameters import (
-    BLOCK,
-    Facts,
-    join_numbered,
-    read_facts,
-    take_first_value,
-)
+from scaling_service.files import c3d_layout, c3d_parameters
 from scaling_service.files.tables import read_bytes
 from scaling_service.model.trial import Repair
 
@@ -56,6 +49,7 @@ class C3dFile:
     # reliable each is; None where the file has none
     poses: Array | None = None
     pose_labels: tuple[str, ...] = ()
+    first: int = 1  # number of the first frame in the recording that it was cut from
     repairs: tuple[Repair, ...] = ()  # what its statements disagree on, and what was decided
 
     @property
@@ -74,17 +68,17 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
     file = Path(path)
     content = read_bytes(file, _KIND)
     # The second byte of every C3D file is 80 (C3D user guide, "Header section"); a header has 512 bytes.
-    if len(content) < BLOCK or content[1] != 0x50:
+    if len(content) < c3d_parameters.BLOCK or content[1] != 0x50:
         raise FileUnreadable(
             "this is not a C3D file, or it is cut off", file=file, remedy="Export it again as C3D"
         )
-    facts = read_facts(content, file)
+    facts = c3d_parameters.read_facts(content, file)
     poses = _read_poses(content, facts, file)
     of_layout: tuple[Repair, ...] = ()
     of_rate: tuple[Repair, ...] = ()
     if poses is not None and not (facts.points or facts.analogs):
         # Nothing but poses: there is no layout of points to be found.
-        layout = NO_POINTS
+        layout = c3d_layout.Layout(points=0, channels=0, per_frame=1, frames=0, start=1, real=True)
         rate, points, analog = (
             facts.number("ROTATION", "RATE"),
             np.empty((len(poses), 0, 3)),
@@ -92,13 +86,13 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
         )
         rate = rate if np.isfinite(rate) else facts.rate
     else:
-        layout, of_layout = find_layout(facts, len(content), file)
-        rate, of_rate = find_rate(facts, layout, file)
+        layout, of_layout = c3d_layout.find_layout(facts, len(content), file)
+        rate, of_rate = c3d_layout.find_rate(facts, layout, file)
         points, analog = _decode(content, facts, layout, file)
     about = facts.parameters.get("POINT", {})
 
     def list_texts(name: str) -> tuple[str, ...]:
-        texts = [str(text).strip() for text in join_numbered(about, name)][: layout.points]
+        texts = [str(text).strip() for text in c3d_parameters.join_numbered(about, name)][: layout.points]
         return tuple(texts + [""] * (layout.points - len(texts)))
 
     return C3dFile(
@@ -106,21 +100,25 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
         points=points,
         labels=list_texts("LABELS"),
         descriptions=list_texts("DESCRIPTIONS"),
-        computed=frozenset(str(name).strip() for kind in COMPUTED for name in join_numbered(about, kind))
+        computed=frozenset(
+            str(name).strip() for kind in COMPUTED for name in c3d_parameters.join_numbered(about, kind)
+        )
         - {""},
-        point_unit=str(take_first_value(about.get("UNITS")) or "").strip(),
+        point_unit=str(c3d_parameters.take_first_value(about.get("UNITS")) or "").strip(),
         rate_hz=rate,
         analog=analog,
         parameters=facts.parameters,
         poses=poses,
         pose_labels=tuple(
-            str(name).strip() for name in join_numbered(facts.parameters.get("ROTATION", {}), "LABELS")
+            str(name).strip()
+            for name in c3d_parameters.join_numbered(facts.parameters.get("ROTATION", {}), "LABELS")
         ),
+        first=facts.count("TRIAL", "ACTUAL_START_FIELD") or facts.first,
         repairs=(*facts.repairs, *of_layout, *of_rate),
     )
 
 
-def _read_poses(content: bytes, facts: Facts, file: Path) -> Array | None:
+def _read_poses(content: bytes, facts: c3d_parameters.Facts, file: Path) -> Array | None:
     """The numbers of the group ROTATION (Has-Motion, C3D documentation, "ROTATION data type")."""
     if "ROTATION" not in facts.parameters:
         return None
@@ -130,7 +128,7 @@ def _read_poses(content: bytes, facts: Facts, file: Path) -> Array | None:
     frames = (frames or facts.last - facts.first + 1) * (1 if facts.count("ROTATION", "FRAMES") else ratio)
     if not count:
         return None
-    at = BLOCK * ((start or facts.start) - 1)
+    at = c3d_parameters.BLOCK * ((start or facts.start) - 1)
     held = max(len(content) - at, 0) // (4 * _POSE * count)
     if frames < 1 or held < frames:
         raise FileUnreadable(
@@ -143,9 +141,11 @@ def _read_poses(content: bytes, facts: Facts, file: Path) -> Array | None:
     return numbers.reshape(frames, count, _POSE)[:: ratio if facts.points else 1]
 
 
-def _decode(content: bytes, facts: Facts, layout: Layout, file: Path) -> tuple[Array, Array]:
+def _decode(
+    content: bytes, facts: c3d_parameters.Facts, layout: c3d_layout.Layout, file: Path
+) -> tuple[Array, Array]:
     """Points (n_frames, n_points, 3), NaN where not seen, and analog signals (n_samples, n_channels)."""
-    at, count = BLOCK * (layout.start - 1), layout.frames * layout.words
+    at, count = c3d_parameters.BLOCK * (layout.start - 1), layout.frames * layout.words
     if layout.real:
         numbers = facts.processor.read_reals(content, at, count)
     else:
@@ -159,10 +159,10 @@ def _decode(content: bytes, facts: Facts, layout: Layout, file: Path) -> tuple[A
     return np.where(seen[..., None], xyz, np.nan), _scale_analog(analog, facts)
 
 
-def _find_scale(facts: Facts, file: Path) -> float:
+def _find_scale(facts: c3d_parameters.Facts, file: Path) -> float:
     """What one step of whole numbers is in units of length."""
     scales = [s for s in (facts.number("POINT", "SCALE"), facts.scale) if np.isfinite(s) and s > 0]
-    if not scales or abs(scales[0] - scales[-1]) > SAME * scales[0]:
+    if not scales or abs(scales[0] - scales[-1]) > c3d_layout.SAME * scales[0]:
         said = " and ".join(f"{s:g}" for s in scales) or "none"
         raise FileUnreadable(
             f"the scale of the points cannot be told: parameters and header state {said}",
@@ -173,17 +173,21 @@ def _find_scale(facts: Facts, file: Path) -> float:
     return scales[0]
 
 
-def _scale_analog(analog: Array, facts: Facts) -> Array:
+def _scale_analog(analog: Array, facts: c3d_parameters.Facts) -> Array:
     """Signals in the units of ANALOG:UNITS: (number - offset) · scale · general scale."""
     about = facts.parameters.get("ANALOG", {})
     channels = analog.shape[1]
 
     def list_values(name: str, usual: float) -> Array:
-        values = [v for v in np.ravel(join_numbered(about, name)).tolist() if isinstance(v, int | float)]
+        values = [
+            v
+            for v in np.ravel(c3d_parameters.join_numbered(about, name)).tolist()
+            if isinstance(v, int | float)
+        ]
         return np.array((values + [usual] * channels)[:channels], float)
 
     offset, general = list_values("OFFSET", 0.0), facts.number("ANALOG", "GEN_SCALE")
-    if str(take_first_value(about.get("FORMAT")) or "").upper().startswith("UNSIGNED"):
+    if str(c3d_parameters.take_first_value(about.get("FORMAT")) or "").upper().startswith("UNSIGNED"):
         analog, offset = np.where(analog < 0, analog + 65536.0, analog), offset % 65536
     scaled: Array = (analog - offset) * list_values("SCALE", 1.0) * (general if np.isfinite(general) else 1.0)
     return scaled

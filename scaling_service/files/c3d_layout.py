@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files.c3d_parameters import BLOCK, RATES_HZ, Facts, join_numbered, report_no_frame
+from scaling_service.core.errors import FileUnreadable
+from scaling_service.files import c3d_parameters
 from scaling_service.model.trial import Repair
 
 _SATURATED = 65535  # a recording that reaches this frame keeps its true length elsewhere
@@ -49,10 +49,6 @@ class Layout:
         return self.channels * self.per_frame
 
 
-NO_POINTS = Layout(points=0, channels=0, per_frame=1, frames=0, start=1, real=True)
-"""Of a file that holds neither points nor analog signals."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Witness:
     """One statement of a file on its layout."""
@@ -68,14 +64,23 @@ class _Witness:
         return have == self.value or bool(self.modulo and (have - self.value) % self.modulo == 0)
 
 
-def _list_witnesses(facts: Facts) -> list[_Witness]:
+def _list_witnesses(facts: c3d_parameters.Facts) -> list[_Witness]:
     """What header and parameters say, as far as they can know it."""
-    ratio = facts.number("ANALOG", "RATE") / _first_usable(facts.number("POINT", "RATE"), facts.rate)
+    rates = (facts.number("POINT", "RATE"), facts.rate)
+    usable = next(
+        (rate for rate in rates if c3d_parameters.RATES_HZ[0] <= rate <= c3d_parameters.RATES_HZ[1]),
+        float("nan"),
+    )
+    ratio = facts.number("ANALOG", "RATE") / usable
     whole = round(ratio) if np.isfinite(ratio) and 0 < ratio < 65536 else 0
     said = [
         ("header word 2", "points", facts.points),
         ("POINT:USED", "points", facts.count("POINT", "USED")),
-        ("POINT:LABELS", "points", len(join_numbered(facts.parameters.get("POINT", {}), "LABELS")) or None),
+        (
+            "POINT:LABELS",
+            "points",
+            len(c3d_parameters.join_numbered(facts.parameters.get("POINT", {}), "LABELS")) or None,
+        ),
         ("header word 3", "analogs", facts.analogs),
         ("ANALOG:USED", "channels", facts.count("ANALOG", "USED")),
         ("header word 10", "per_frame", facts.per_frame or None),
@@ -87,11 +92,7 @@ def _list_witnesses(facts: Facts) -> list[_Witness]:
         ("POINT:SCALE", "real", _say_form(facts.number("POINT", "SCALE"))),
     ]
     witnesses = [_Witness(where, of, value) for where, of, value in said if value is not None]
-    return witnesses + _list_frame_counts(facts)
-
-
-def _list_frame_counts(facts: Facts) -> list[_Witness]:
-    """Counts of frames: one word holds them up to 65,535, and what is longer stands elsewhere."""
+    # Counts of frames: one word holds them up to 65,535, and what is longer stands elsewhere.
     found = []
     counted = facts.last - facts.first + 1
     if facts.last < _SATURATED:
@@ -107,7 +108,7 @@ def _list_frame_counts(facts: Facts) -> list[_Witness]:
         first, last = (int(f[0]) % 65536 + 65536 * (int(f[1]) % 65536 if len(f) > 1 else 0) for f in fields)
         if last >= first:
             found.append(_Witness("TRIAL:ACTUAL_END_FIELD", "frames", last - first + 1))
-    return found
+    return witnesses + found
 
 
 def _say_form(scale: float) -> int | None:
@@ -115,20 +116,31 @@ def _say_form(scale: float) -> int | None:
     return int(scale < 0) if scale and np.isfinite(scale) else None
 
 
-def _first_usable(*rates: float) -> float:
-    return next((rate for rate in rates if RATES_HZ[0] <= rate <= RATES_HZ[1]), float("nan"))
-
-
-def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:
+def find_layout(facts: c3d_parameters.Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:
     """The layout that most witnesses support and the file's length allows."""
     witnesses = _list_witnesses(facts)
-    scored = [
-        (sum(w.supports(layout) for w in witnesses), _is_filled(layout, length), layout)
-        for layout in _list_layouts(witnesses, length)
-    ]
+    scored = []
+    for layout in _list_layouts(witnesses, length):
+        # Whether the frames reach into the file's last block; some writers fill one more.
+        rest = length - c3d_parameters.BLOCK * (layout.start - 1) - layout.frames * layout.frame_bytes
+        scored.append((sum(w.supports(layout) for w in witnesses), 0 <= rest < c3d_parameters.BLOCK, layout))
     fitting = [entry for entry in scored if _count_held(entry[2], length) >= entry[2].frames]
     if not fitting:
-        raise _report_cut(scored, length, file)
+        if not scored:
+            raise FileUnreadable(
+                "the C3D file is damaged: nothing states what a frame holds",
+                file=file,
+                field="POINT:USED",
+                remedy="Copy or export it again",
+            )
+        layout = max(scored, key=lambda entry: entry[0])[2]
+        held = _count_held(layout, length)
+        raise FileUnreadable(
+            f"the file is cut off: {layout.frames} frames are stated, and it ends after {held}",
+            file=file,
+            field="POINT:FRAMES",
+            remedy="Copy or export it again",
+        )
     fitting.sort(key=lambda entry: entry[:2], reverse=True)
     best, *others = fitting
     # Lists of labels may be longer or shorter than the points; what rates disagree on is said with the rates.
@@ -136,7 +148,7 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
         w for w in witnesses if not (w.supports(best[2]) or w.where in ("POINT:LABELS", "ANALOG:RATE"))
     ]
     if not best[2].frames:
-        raise report_no_frame(file)
+        raise c3d_parameters.report_no_frame(file)
     if others and others[0][:2] == best[:2]:
         rivals = {w.of for w in witnesses if w.supports(best[2]) != w.supports(others[0][2])}
         told = {f"{w.where} ({w.value})": w.where for w in witnesses if w.of in rivals}
@@ -161,14 +173,8 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
 
 def _count_held(layout: Layout, length: int) -> int:
     """Whole frames that stand between the first and the end of the file."""
-    left = length - BLOCK * (layout.start - 1)
+    left = length - c3d_parameters.BLOCK * (layout.start - 1)
     return left // layout.frame_bytes if layout.frame_bytes and left > 0 else 0
-
-
-def _is_filled(layout: Layout, length: int) -> bool:
-    """Whether the frames reach into the file's last block; some writers fill one more."""
-    rest = length - BLOCK * (layout.start - 1) - layout.frames * layout.frame_bytes
-    return 0 <= rest < BLOCK
 
 
 def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout]:
@@ -202,30 +208,10 @@ def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout
             yield replace(empty, frames=n)
 
 
-def _report_cut(
-    scored: Sequence[tuple[int, bool, Layout]], length: int, file: Path
-) -> FileUnreadable | TrialUnusable:
-    if not scored:
-        return FileUnreadable(
-            "the C3D file is damaged: nothing states what a frame holds",
-            file=file,
-            field="POINT:USED",
-            remedy="Copy or export it again",
-        )
-    layout = max(scored, key=lambda entry: entry[0])[2]
-    held = _count_held(layout, length)
-    return FileUnreadable(
-        f"the file is cut off: {layout.frames} frames are stated, and it ends after {held}",
-        file=file,
-        field="POINT:FRAMES",
-        remedy="Copy or export it again",
-    )
-
-
 # --- rates ---
 
 
-def find_rate(facts: Facts, layout: Layout, file: Path) -> tuple[float, tuple[Repair, ...]]:
+def find_rate(facts: c3d_parameters.Facts, layout: Layout, file: Path) -> tuple[float, tuple[Repair, ...]]:
     """The rate of frames that most statements support, and what disagrees with it."""
     analog = facts.number("ANALOG", "RATE")
     stated = {
@@ -235,7 +221,11 @@ def find_rate(facts: Facts, layout: Layout, file: Path) -> tuple[float, tuple[Re
     }
     if layout.channels:
         stated["ANALOG:RATE"] = analog / layout.per_frame
-    usable = {where: rate for where, rate in stated.items() if RATES_HZ[0] <= rate <= RATES_HZ[1]}
+    usable = {
+        where: rate
+        for where, rate in stated.items()
+        if c3d_parameters.RATES_HZ[0] <= rate <= c3d_parameters.RATES_HZ[1]
+    }
     support = {
         where: sum(abs(rate - other) <= SAME * rate for other in usable.values())
         for where, rate in usable.items()
@@ -253,21 +243,15 @@ def find_rate(facts: Facts, layout: Layout, file: Path) -> tuple[float, tuple[Re
             field="POINT:RATE",
             remedy="Correct the rate in the recording software and export again",
         )
-    notes = [
-        Repair(
-            what="rate",
-            where=where,
-            detail=f"{_say_rate(where, value, layout)}; {rate:g} Hz was taken for the frames",
-        )
-        for where, value in stated.items()
-        if where != "TRIAL:CAMERA_RATE" and not abs(value - rate) <= SAME * rate
-    ]
+    notes = []
+    for where, value in stated.items():
+        if where == "TRIAL:CAMERA_RATE" or abs(value - rate) <= SAME * rate:
+            continue
+        said = f"it says {value:g} Hz" if np.isfinite(value) else "no rate is stated"
+        if where == "ANALOG:RATE" and np.isfinite(value):
+            said = (
+                f"it says {value * layout.per_frame:g} Hz, the file holds {layout.per_frame} samples a frame"
+            )
+        detail = f"{said}; {rate:g} Hz was taken for the frames"
+        notes.append(Repair(what="rate", where=where, detail=detail))
     return rate, tuple(notes)
-
-
-def _say_rate(where: str, value: float, layout: Layout) -> str:
-    if not np.isfinite(value):
-        return "no rate is stated"
-    if where != "ANALOG:RATE":
-        return f"it says {value:g} Hz"
-    return f"it says {value * layout.per_frame:g} Hz, the file holds {layout.per_frame} samples a frame"

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.core import errors
 from scaling_service.model.trial import Repair
 
 BLOCK = 512
@@ -47,13 +47,6 @@ class Processor:
     def read_real(self, content: bytes, at: int) -> float:
         """One number of four bytes."""
         return float(self.read_reals(content, at, 1)[0])
-
-
-_PROCESSORS = (
-    Processor(84, "Intel", "<"),
-    Processor(85, "DEC", "<"),
-    Processor(86, "SGI/MIPS", ">"),
-)
 
 
 # --- header and parameters ---
@@ -93,14 +86,15 @@ def read_facts(content: bytes, file: Path) -> Facts:
     """Header and parameters as the processor wrote them under whose reading they make sense."""
     begin = BLOCK * (content[0] - 1)
     if not 0 < begin <= len(content) - 4:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             "the C3D file is damaged: its header does not lead to its parameters",
             file=file,
             field="header word 1",
             remedy="Copy or export it again",
         )
     stated = content[begin + 3]
-    for processor in sorted(_PROCESSORS, key=lambda p: p.code != stated):
+    makes = (Processor(84, "Intel", "<"), Processor(85, "DEC", "<"), Processor(86, "SGI/MIPS", ">"))
+    for processor in sorted(makes, key=lambda p: p.code != stated):
         words = [0, *processor.read_words(content, 0, 12).tolist()]
         blocks = content[begin + 2]
         end = min(len(content), begin + BLOCK * blocks) if blocks else len(content)
@@ -124,7 +118,7 @@ def read_facts(content: bytes, file: Path) -> Facts:
         if "POINT" in facts.parameters and any(RATES_HZ[0] <= rate <= RATES_HZ[1] for rate in rates):
             break
     else:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             "the C3D file is damaged: no parameters POINT with a frame rate can be read",
             file=file,
             field="POINT:RATE",
@@ -205,26 +199,21 @@ def _read_entry(content: bytes, at: int, end: int, processor: Processor) -> _Ent
     after = begin + count * abs(size)
     if after >= end:
         return None
-    value = _read_value(content, begin, size, shape, count, processor)
-    return _Entry(name=name, group=group, value=value, after=after + 1 + content[after], linked=linked)
-
-
-def _read_value(
-    content: bytes, at: int, size: int, shape: tuple[int, ...], count: int, processor: Processor
-) -> list[Any]:
+    value: list[Any]
     if not count:  # of an empty array's other lengths nothing would remain but lists, billions of them
-        return []
-    if size == -1:
+        value = []
+    elif size == -1:
         width = shape[0] if shape else 1
-        return [_decode_text(content[k : k + width]) for k in range(at, at + count, width)]
-    if size == 4:
-        values = processor.read_reals(content, at, count)
-    elif size == 2:
-        values = processor.read_words(content, at, count, signed=True)
+        value = [_decode_text(content[k : k + width]) for k in range(begin, begin + count, width)]
     else:
-        values = np.frombuffer(content, "i1", count, at)
-    plain: list[Any] = values.reshape(shape or (1,), order="F").tolist()
-    return plain
+        if size == 4:
+            numbers = processor.read_reals(content, begin, count)
+        elif size == 2:
+            numbers = processor.read_words(content, begin, count, signed=True)
+        else:
+            numbers = np.frombuffer(content, "i1", count, begin)
+        value = numbers.reshape(shape or (1,), order="F").tolist()
+    return _Entry(name=name, group=group, value=value, after=after + 1 + content[after], linked=linked)
 
 
 def _decode_text(content: bytes) -> str:
@@ -254,8 +243,8 @@ def take_first_value(value: Any) -> Any:
     return value
 
 
-def report_no_frame(file: Path) -> TrialUnusable:
+def report_no_frame(file: Path) -> errors.TrialUnusable:
     """What is said of a file with labels and no frame."""
-    return TrialUnusable(
+    return errors.TrialUnusable(
         "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"
     )

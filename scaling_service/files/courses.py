@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import BodyModel, Segment, Vector
-from scaling_service.model.muscles import Muscle, WrapSurface
+from scaling_service.model import body, muscles
 from scaling_service.model.poses import pose_segments
 
 
@@ -20,14 +19,14 @@ class Site:
 
     name: str
     segment: str
-    at: Vector  # (3,), m
+    at: body.Vector  # (3,), m
 
 
 @dataclass(frozen=True, slots=True)
 class Bend:
     """A cylinder or sphere that a tendon bends over, on the side of a site if there is one."""
 
-    surface: WrapSurface
+    surface: muscles.WrapSurface
     side: Site | None = None
 
 
@@ -35,7 +34,7 @@ class Bend:
 class Tendon:
     """A muscle's course: sites, and bends each between two of them."""
 
-    muscle: Muscle
+    muscle: muscles.Muscle
     course: tuple[Site | Bend, ...]
     changed: tuple[str, ...]  # what differs from the muscle's path, in plain words
 
@@ -45,7 +44,7 @@ class Tendons:
     """All muscles' courses, and segments without mass for sites that move in theirs."""
 
     tendons: tuple[Tendon, ...]
-    movers: tuple[Segment, ...]
+    movers: tuple[body.Segment, ...]
     untouched: tuple[str, ...]  # muscle and surface it does not touch in any pose: the surface is left out
 
 
@@ -53,7 +52,7 @@ class Tendons:
 class Poses:
     """The model in the poses that contacts were looked at in."""
 
-    model: BodyModel
+    model: body.BodyModel
     q: Array  # (n_poses, n_coordinates)
     origins: Mapping[str, Array]  # segment to (n_poses, 3), m
     turns: Mapping[str, Rotation]
@@ -67,7 +66,7 @@ class Poses:
         return np.asarray(self.turns[segment].inv().apply(points - self.origins[segment]))
 
 
-def pose_model(model: BodyModel, q: Array) -> Poses:
+def pose_model(model: body.BodyModel, q: Array) -> Poses:
     """A model in some poses, (n_poses, n_coordinates), rad or m."""
     placed, names = pose_segments(model, q), model.segment_names
     return Poses(

@@ -11,22 +11,19 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files import tables
 from scaling_service.files.recording import Recording
 from scaling_service.files.trc import restore_clock
+from scaling_service.model import trial
 from scaling_service.model.anatomy.markers import is_computed
-from scaling_service.model.trial import (
-    Repair,
-    is_unlabelled,
-)
 
 FIELD = "columns"
 """Field of the error which means that a table holds no markers at all."""
@@ -63,10 +60,21 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
     """
     file = Path(path)
     text, repairs = tables.read_text(file, _KIND)
-    rows = _split_rows(text)
-    layout = next((found for find in _LAYOUTS if (found := find(rows, file)) is not None), None)
+    # Cells of all lines; between tabs, semicolons or commas, whichever there are most of.
+    delimiter = max("\t;,", key=text.count)
+    rows = [
+        [cell.strip() for cell in row]
+        for row in csv.reader(text.splitlines(), delimiter=delimiter, strict=False)
+    ]
+    if delimiter != "," and not re.search(r"\d\.\d", text):  # decimal commas
+        rows = [[re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", cell) for cell in row] for row in rows]
+    # The first layout that fits counts.
+    for find in (_find_motive, _find_vicon, _find_qualisys, _find_deeplabcut, _find_wide):
+        layout = find(rows, file)
+        if layout is not None:
+            break
     if layout is None or not layout.columns:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             "this is no table of markers",
             file=file,
             field=FIELD,
@@ -78,21 +86,31 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
         if k >= layout.first_row and any(cell for cell in row)
     ]
     if not body:
-        raise TrialUnusable("the table has a header but no frame", file=file, remedy="Export it again")
-    keys = [key for key in layout.columns if not is_unlabelled(layout.labels[key])]
+        raise errors.TrialUnusable("the table has a header but no frame", file=file, remedy="Export it again")
+    keys = [key for key in layout.columns if not trial.is_unlabelled(layout.labels[key])]
     if not keys:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the table holds no labelled marker", file=file, field=FIELD, remedy="Export labelled markers"
         )
     columns = [column for key in keys for column in layout.columns[key]]
     positions = _read_numbers(body, columns, file).reshape(len(body), -1, 3)
     labels = tuple(layout.labels[key] for key in keys)
-    notes: list[Repair] = []
+    notes: list[trial.Repair] = []
     if dropped := len(layout.columns) - len(keys):
         detail = f"{dropped} markers without a label were left out"
-        notes.append(Repair(what="unlabelled", where="columns", detail=detail))
+        notes.append(trial.Repair(what="unlabelled", where="columns", detail=detail))
     metres, of_unit = _find_unit(layout.unit, positions, file)
-    times = _find_times(layout, body, file)
+    if layout.time is not None:
+        times = _read_numbers(body, [layout.time], file)[:, 0] / layout.per_second
+    elif np.isfinite(layout.rate_hz):
+        times = np.arange(len(body)) / layout.rate_hz
+    else:
+        raise errors.TrialUnusable(
+            "the table states neither times nor a frame rate",
+            file=file,
+            field="time",
+            remedy="Add a column 'time' with the time of each row in seconds",
+        )
     tables.check_times(times, file, [number for number, _ in body])
     times, positions, rate, clock = restore_clock(times, positions * metres, layout.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
@@ -108,18 +126,6 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
     )
 
 
-def _split_rows(text: str) -> list[Row]:
-    """Cells of all lines; between tabs, semicolons or commas, whichever there are most of."""
-    delimiter = max("\t;,", key=text.count)
-    rows = [
-        [cell.strip() for cell in row]
-        for row in csv.reader(text.splitlines(), delimiter=delimiter, strict=False)
-    ]
-    if delimiter != "," and not re.search(r"\d\.\d", text):  # decimal commas
-        rows = [[re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", cell) for cell in row] for row in rows]
-    return rows
-
-
 def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int], file: Path) -> Array:
     """Cells of some columns, (n_rows, n_columns); NaN where blank."""
     values = np.full((len(body), len(columns)), np.nan)
@@ -131,7 +137,7 @@ def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int], file:
             try:
                 values[k, j] = float(cell)
             except ValueError:
-                raise FileUnreadable(
+                raise errors.FileUnreadable(
                     f"line {number} holds {cell[:20]!r} where a number is expected",
                     file=file,
                     field=f"column {column + 1}",
@@ -140,13 +146,13 @@ def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int], file:
     return values
 
 
-def _find_unit(unit: str, positions: Array, file: Path) -> tuple[float, tuple[Repair, ...]]:
+def _find_unit(unit: str, positions: Array, file: Path) -> tuple[float, tuple[trial.Repair, ...]]:
     """What a unit of length is in m; where none is stated, the one in which a person has a person's size."""
     plain = unit.strip().lower()
     if plain in tables.METRES:
         return tables.METRES[plain], ()
     if plain:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"unit '{unit[:20]}' is not known", file=file, field="unit", remedy="Export positions in mm or m"
         )
     seen = positions[np.isfinite(positions).all(-1).sum(1) >= 2]
@@ -157,25 +163,14 @@ def _find_unit(unit: str, positions: Array, file: Path) -> tuple[float, tuple[Re
         if _EXTENTS_M[0] <= extent * tables.METRES[name] <= _EXTENTS_M[1]:
             detail = f"no unit is stated; {name} was taken, in which the markers span "
             detail += f"{extent * tables.METRES[name]:.2f} m"
-            return tables.METRES[name], (Repair(what="unit", where=f"{name} (not stated)", detail=detail),)
-    raise FileUnreadable(
+            return tables.METRES[name], (
+                trial.Repair(what="unit", where=f"{name} (not stated)", detail=detail),
+            )
+    raise errors.FileUnreadable(
         f"no unit is stated, and in none do the markers span a person (they span {extent:.3g})",
         file=file,
         field="unit",
         remedy="State it behind the name of a column, such as LASI_x (mm)",
-    )
-
-
-def _find_times(layout: _Layout, body: Sequence[tuple[int, Row]], file: Path) -> Array:
-    if layout.time is not None:
-        return _read_numbers(body, [layout.time], file)[:, 0] / layout.per_second
-    if np.isfinite(layout.rate_hz):
-        return np.arange(len(body)) / layout.rate_hz
-    raise TrialUnusable(
-        "the table states neither times nor a frame rate",
-        file=file,
-        field="time",
-        remedy="Add a column 'time' with the time of each row in seconds",
     )
 
 
@@ -204,7 +199,7 @@ def _find_motive(rows: list[Row], file: Path) -> _Layout | None:
         return None
     stated = {key.lower(): value for key, value in zip(rows[0][::2], rows[0][1::2], strict=False)}
     if stated.get("coordinate space", "global").lower() != "global":
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             "positions are relative to an asset, not to the laboratory",
             file=file,
             field="Coordinate Space",
@@ -224,7 +219,7 @@ def _find_motive(rows: list[Row], file: Path) -> _Layout | None:
     ]
     columns, labels = _collect(named)
     if not columns:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the table holds rigid bodies or bones and no measured marker",
             file=file,
             field="Type",
@@ -271,7 +266,7 @@ def _find_qualisys(rows: list[Row], file: Path) -> _Layout | None:
     if "NO_OF_FRAMES" not in keys or "MARKER_NAMES" not in keys:
         return None
     if keys.get("DATA_INCLUDED", (0, ["3D"]))[1][:1] not in ([], ["3D"]):
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the table holds 2-D data", file=file, field="DATA_INCLUDED", remedy="Export 3-D data"
         )
     at, names = keys["MARKER_NAMES"]
@@ -303,7 +298,7 @@ def _find_deeplabcut(rows: list[Row], file: Path) -> _Layout | None:
         named.append((k, label, label, axes[k]))
     columns, labels = _collect([entry for entry in named if entry[3].lower() in ("x", "y", "z")])
     if not columns:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the table holds 2-D points of a video",
             file=file,
             field="coords",
@@ -334,13 +329,3 @@ def _find_wide(rows: list[Row], _: Path) -> _Layout | None:
             unit=" and ".join(sorted(units)),
         )
     return None
-
-
-_LAYOUTS: tuple[Callable[[list[Row], Path], _Layout | None], ...] = (
-    _find_motive,
-    _find_vicon,
-    _find_qualisys,
-    _find_deeplabcut,
-    _find_wide,
-)
-"""What tells each layout; the first that fits counts."""

@@ -15,8 +15,8 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.files.sto import Table, read_sto
-from scaling_service.model.forces import CONTACT_N, GroundForces, list_plate_names
+from scaling_service.files import sto
+from scaling_service.model import forces
 from scaling_service.model.trial import Repair
 
 FARTHEST_M = 20.0  # chosen: a loaded point beyond this is in mm; walkways are shorter
@@ -37,25 +37,25 @@ class PlateColumns:
         return self.force[0][:-1]
 
 
-def read_forces(path: str | os.PathLike[str]) -> GroundForces:
+def read_forces(path: str | os.PathLike[str]) -> forces.GroundForces:
     """Read ground forces from a MOT or STO file.
 
     Returns in the file's axes, which OpenSim has Y up. ``repairs`` names the columns of each plate, moments
     that the file lacks, and points that had no meaning. Raises TrialUnusable: no plate is found, a point of
     application is missing, or points are in mm. Raises FileUnreadable: as ``read_sto``.
     """
-    return read_forces_from_table(read_sto(path), Path(path).name)
+    return read_forces_from_table(sto.read_sto(path), Path(path).name)
 
 
-def read_forces_from_table(table: Table, file: str) -> GroundForces:
+def read_forces_from_table(table: sto.Table, file: str) -> forces.GroundForces:
     """The ground forces that a table holds; errors as :func:`read_forces`."""
     plates = find_plates(table.columns, file)
-    names, repairs = list_plate_names(len(plates)), list(table.repairs)
+    names, repairs = forces.list_plate_names(len(plates)), list(table.repairs)
     parts = [
         _read_plate(table, plate, name, file, repairs) for name, plate in zip(names, plates, strict=True)
     ]
     up = np.array([0.0, 1.0, 0.0])
-    return GroundForces(
+    return forces.GroundForces(
         name=table.name,
         times=table.times,
         plates=names,
@@ -88,7 +88,13 @@ def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]
                 field=missing[0],
                 remedy="Export the centre of pressure beside the force",
             )
-        found.append(PlateColumns((name, f"{stem}y", f"{stem}z"), point, _name_moment_columns(base, present)))
+        stems = [f"{base}m"]
+        for word in ("torque", "moment"):
+            other = base.replace("force", word)
+            stems += [other, f"{other}m", f"{other}t"] if other != base else []
+        moments = ((f"{start}x", f"{start}y", f"{start}z") for start in stems)
+        moment = next((names for names in moments if present.issuperset(names)), ())
+        found.append(PlateColumns((name, f"{stem}y", f"{stem}z"), point, moment))
     if not found:
         shown = ", ".join(columns[1:7]) + (", …" if len(columns) > 7 else "")
         raise TrialUnusable(
@@ -100,20 +106,8 @@ def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]
     return tuple(found)
 
 
-def _name_moment_columns(base: str, present: set[str]) -> tuple[str, ...]:
-    stems = [f"{base}m"]
-    for word in ("torque", "moment"):
-        other = base.replace("force", word)
-        stems += [other, f"{other}m", f"{other}t"] if other != base else []
-    for stem in stems:
-        names = (f"{stem}x", f"{stem}y", f"{stem}z")
-        if set(names) <= present:
-            return names
-    return ()
-
-
 def _read_plate(
-    table: Table, plate: PlateColumns, name: str, file: str, repairs: list[Repair]
+    table: sto.Table, plate: PlateColumns, name: str, file: str, repairs: list[Repair]
 ) -> tuple[Array, Array, Array]:
     """Force, moment about the origin and a point of the surface."""
     force, point = (
@@ -129,7 +123,7 @@ def _read_plate(
                 what="no_moment", where=name, detail="the file holds no moment at the point; zero was taken"
             )
         )
-    loaded = np.asarray(force[:, 1] > CONTACT_N)
+    loaded = np.asarray(force[:, 1] > forces.CONTACT_N)
     # Points that stay near the places where the plate is loaded; any point will do for no force.
     seen = point[loaded]
     seen = seen[np.isfinite(seen).all(axis=1)]

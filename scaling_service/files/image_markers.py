@@ -8,12 +8,12 @@ from pathlib import Path
 
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.tables import read_text
-from scaling_service.model.body import Vector
+from scaling_service.model import body
 
 COLUMNS = ("marker", "segment", "x_mm", "y_mm", "z_mm")
 
 
-def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
+def read_image_markers(path: Path) -> dict[str, tuple[str, body.Vector]]:
     """Read markers with their segments, in the image's frame.
 
     ``path``: columns ``marker,segment,x_mm,y_mm,z_mm``, in any order; further ones are not read. Returns
@@ -30,27 +30,24 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
             field=missing[0],
             remedy=f"The first line must be {','.join(COLUMNS)}",
         )
-    found: dict[str, tuple[str, Vector]] = {}
+    found: dict[str, tuple[str, body.Vector]] = {}
     for number, row in enumerate(rows, start=2):
         name = (row["marker"] or "").strip()
         if not name or name in found:
             problem = "the marker has no name" if not name else f"marker '{name}' stands twice"
             raise FileUnreadable(problem, file=path, field=f"line {number}", remedy="Correct the table")
-        x, y, z = (_to_metres(path, number, column, row[column]) for column in COLUMNS[2:])
-        found[name] = ((row["segment"] or "").strip(), (x, y, z))
+        at = []
+        for column in COLUMNS[2:]:
+            try:
+                at.append(float(row[column] or "") / 1e3)
+            except ValueError:
+                at.append(math.nan)
+            if not math.isfinite(at[-1]):
+                raise FileUnreadable(
+                    f"'{row[column]}' is not a number of mm",
+                    file=path,
+                    field=f"line {number}, {column}",
+                    remedy="Give a number",
+                )
+        found[name] = ((row["segment"] or "").strip(), body.to_vector(at))
     return found
-
-
-def _to_metres(path: Path, number: int, column: str, text: str | None) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FileUnreadable(
-            f"'{text}' is not a number of mm",
-            file=path,
-            field=f"line {number}, {column}",
-            remedy="Give a number",
-        )
-    return value / 1e3

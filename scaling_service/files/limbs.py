@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Term
+from scaling_service.model import body
 from scaling_service.model.compile import evaluate_law
 from scaling_service.numerics.multibody.rigid import rotate_about
 
@@ -21,20 +21,20 @@ class DrivenAxis:
     name: str  # the coordinate's where the axis moves as it does, else made of segment, kind and number
     kind: str  # rotation or translation
     axis: Array  # (3,), unit vector in the frame reached so far
-    term: Term  # its value, rad or m: a term of one coordinate
+    term: body.Term  # its value, rad or m: a term of one coordinate
     leads: bool  # whether the value is the coordinate itself
     before: Array  # (4, 4): the fixed frame between the axis before, or the parent, and this one
 
     def value(self, coordinates: Mapping[str, Array]) -> Array:
         """What the axis moves by, rad or m, at values of the coordinates."""
-        return np.asarray(evaluate_law(Law((self.term,)), coordinates))
+        return np.asarray(evaluate_law(body.Law((self.term,)), coordinates))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limb:
     """A segment with the axes that carry it from its parent."""
 
-    segment: Segment
+    segment: body.Segment
     axes: tuple[DrivenAxis, ...]
     last: Array  # (4, 4): from the last axis to the segment's frame
 
@@ -47,7 +47,7 @@ class Limb:
         return frame @ self.last
 
 
-def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
+def list_limbs(model: body.BodyModel) -> tuple[Limb, ...]:
     """The model's segments, parents first; locked coordinates stand at their default.
 
     ValueError: parameters are not folded into the laws.
@@ -65,37 +65,36 @@ def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
             )
     fixed = {c.name: c.default for c in model.coordinates if c.locked}
     leading: set[str] = set()
-    return tuple(_make_limb(segment, fixed, leading) for segment in model.segments)
+    limbs = []
+    for segment in model.segments:
+        axes: list[DrivenAxis] = []
+        frame = np.eye(4)
+        for joint in segment.joints:
+            terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
+            constant = sum(
+                float(evaluate_law(body.Law((t,)), fixed)) for t in joint.law.terms if t not in terms
+            )
+            frame = frame @ displace(joint, constant)
+            for term in terms:
+                coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
+                leads = abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading
+                if leads:
+                    leading.add(coordinate)
+                driven = DrivenAxis(
+                    name=coordinate if leads else f"{segment.name}_{joint.kind}_{len(axes)}",
+                    kind=joint.kind,
+                    axis=axis * term.gain if leads else axis,
+                    term=replace(term, gain=1.0) if leads else term,
+                    leads=leads,
+                    before=frame,
+                )
+                axes.append(driven)
+                frame = np.eye(4)
+        limbs.append(Limb(segment, tuple(axes), frame))
+    return tuple(limbs)
 
 
-def _make_limb(segment: Segment, fixed: Mapping[str, float], leading: set[str]) -> Limb:
-    axes: list[DrivenAxis] = []
-    frame = np.eye(4)
-    for joint in segment.joints:
-        terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
-        constant = sum(float(evaluate_law(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
-        frame = frame @ displace(joint, constant)
-        for term in terms:
-            axes.append(_find_axis(segment, joint, term, frame, len(axes), leading))
-            frame = np.eye(4)
-    return Limb(segment, tuple(axes), frame)
-
-
-def _find_axis(
-    segment: Segment, joint: Joint, term: Term, frame: Array, number: int, leading: set[str]
-) -> DrivenAxis:
-    coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
-    if abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading:
-        leading.add(coordinate)
-        plain = replace(term, gain=1.0)
-        return DrivenAxis(
-            name=coordinate, kind=joint.kind, axis=axis * term.gain, term=plain, leads=True, before=frame
-        )
-    name = f"{segment.name}_{joint.kind}_{number}"
-    return DrivenAxis(name=name, kind=joint.kind, axis=axis, term=term, leads=False, before=frame)
-
-
-def displace(joint: Joint, value: float) -> Array:
+def displace(joint: body.Joint, value: float) -> Array:
     """The move of a joint by a value, (4, 4)."""
     frame = np.eye(4)
     if joint.kind == "translation":
@@ -114,7 +113,7 @@ def list_axes_at_rest(limb: Limb) -> Iterator[tuple[DrivenAxis, Array, Array]]:
         onwards = axis.before @ onwards
 
 
-def list_following(model: BodyModel) -> list[str]:
+def list_following(model: body.BodyModel) -> list[str]:
     """The axes that follow coordinates by functions, as one sentence or none."""
     following = [a for limb in list_limbs(model) for a in limb.axes if not a.leads]
     names = sorted({str(a.term.coordinate) for a in following})
@@ -122,7 +121,7 @@ def list_following(model: BodyModel) -> list[str]:
     return [said] if following else []
 
 
-def list_uncarried(model: BodyModel, *, muscles: bool = True) -> tuple[str, ...]:
+def list_uncarried(model: body.BodyModel, *, muscles: bool = True) -> tuple[str, ...]:
     """What axes do not say of the model, in plain sentences; ``muscles``: whether these are not carried."""
     said: list[str] = []
     if model.constraints:

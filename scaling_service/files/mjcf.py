@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -10,18 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.limbs import (
-    DrivenAxis,
-    Limb,
-    Skeleton,
-    format_numbers,
-    list_axes_at_rest,
-    list_following,
-    list_limbs,
-    list_uncarried,
-)
+from scaling_service.files import limbs, polynomials
 from scaling_service.files.mjcf_muscles import add_muscles
-from scaling_service.files.polynomials import QUARTIC, Followed, ease_laws, find_span
 from scaling_service.files.tendons import plan_tendons
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
 from scaling_service.model.muscles import Musculature
@@ -51,7 +40,7 @@ _SMALLEST = 1e-6
 """kg and kg m2 of a moving body without mass, which MuJoCo refuses. Chosen: some micrograms move nothing."""
 
 
-def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton:
+def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> limbs.Skeleton:
     """An MJCF file, angles in rad, Y up; what it does not carry stands in a comment at its head, too.
 
     ``muscles``: of the ``.osim`` file that holds the model, with the surfaces that they touch in poses all
@@ -61,8 +50,8 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
     tendons = None if muscles is None else plan_tendons(model, muscles)
     if tendons is not None:
         model = replace(model, segments=(*model.segments, *tendons.movers))
-    eased = ease_laws(model)
-    model, found = eased.model, list_limbs(eased.model)
+    eased = polynomials.ease_laws(model)
+    model, found = eased.model, limbs.list_limbs(eased.model)
     root = ET.Element("mujoco", model=model.name)
     odd = [s.name for s in model.segments if _violates_triangle(s)]
     compiler = {
@@ -74,7 +63,7 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
         "balanceinertia": "true" if odd else "false",
     }
     ET.SubElement(root, "compiler", compiler)
-    ET.SubElement(root, "option", {"gravity": format_numbers(GRAVITY), **_OPTION})
+    ET.SubElement(root, "option", {"gravity": limbs.format_numbers(GRAVITY), **_OPTION})
     defaults = ET.SubElement(root, "default")
     for kind, given in _DEFAULTS.items():
         ET.SubElement(defaults, kind, given)
@@ -85,26 +74,47 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
     for limb in found:
         bodies[limb.segment.name] = _write_body(bodies[limb.segment.parent], limb, coordinates)
     for marker in model.markers:
-        given = {"name": marker.name, "pos": format_numbers(marker.nominal), "size": "0.005"}
+        given = {"name": marker.name, "pos": limbs.format_numbers(marker.nominal), "size": "0.005"}
         ET.SubElement(bodies[marker.segment], "site", given)
     _add_unmoving(bodies[GROUND], found, coordinates)
-    ties = _list_ties(found, coordinates, eased.helpers)
-    _tie(root, ties)
-    _sort_joints(bodies[GROUND], ties, found)
+    # Joints that follow another one, to that and the polynomial, lowest power first; leaders come first.
+    axes = [axis for limb in found for axis in limb.axes if not axis.leads]
+    followers = {a.name: (name := str(a.term.coordinate), _fit(a, coordinates[name])) for a in axes}
+    ties = {**eased.helpers, **followers}
+    element = ET.SubElement(root, "equality")
+    for follower, (leader, polynomial) in ties.items():
+        tie = ET.SubElement(element, "joint", joint1=follower, joint2=leader)
+        tie.set("polycoef", limbs.format_numbers(polynomial))
+    # Give joints that follow, and those that join the body to the ground, their classes
+    ground = bodies[GROUND]
+    grounded = {axis.name for limb in found if limb.segment.parent == GROUND for axis in limb.axes}
+    for joint in ground.iter("joint"):
+        name = str(joint.get("name"))
+        if name in ties:
+            joint.set("class", f"following {joint.get('type')}")
+        elif name in grounded:
+            joint.set("class", "root")
     in_all, each = _describe_fits(eased.followed)
-    each = [*list_following(model), *each]
-    said = [*list_uncarried(model, muscles=tendons is None), *in_all, _ADDED]
+    each = [*limbs.list_following(model), *each]
+    said = [*limbs.list_uncarried(model, muscles=tendons is None), *in_all, _ADDED]
     if tendons is not None:
         of_all, of_muscles = add_muscles(root, bodies, tendons)
         said, each = [*said, *of_all], [*each, *of_muscles]
-    _add_start(root, coordinates, ties)
+    # A key frame with all coordinates at their default and what follows in its place
+    values = {name: own.default for name, own in coordinates.items()}
+    for follower, (leader, polynomial) in ties.items():
+        values[follower] = float(np.polynomial.polynomial.polyval(values[leader], polynomial))
+    world = root.find("worldbody")
+    assert world is not None
+    place = [values[str(joint.get("name"))] for joint in world.iter("joint")]
+    ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="default", qpos=limbs.format_numbers(place))
     if odd:
         said.append(f"inertias that no body has, which MuJoCo replaces by a sphere's: {', '.join(odd)}")
     ET.indent(root)
     head = "\n".join(f"  {line}" for line in (*said, *each)).replace("--", "- -")
     text = f"<!--\n{head}\n-->\n{ET.tostring(root, encoding='unicode')}\n"
     changed = {t.muscle.name: t.changed for t in tendons.tendons} if tendons is not None else {}
-    return Skeleton(text, tuple(said), changed)
+    return limbs.Skeleton(text, tuple(said), changed)
 
 
 def _violates_triangle(segment: Segment) -> bool:
@@ -114,13 +124,13 @@ def _violates_triangle(segment: Segment) -> bool:
     return bool(moments[0] + moments[1] < moments[2])
 
 
-def _write_body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinate]) -> ET.Element:
+def _write_body(parent: ET.Element, limb: limbs.Limb, coordinates: dict[str, Coordinate]) -> ET.Element:
     segment = limb.segment
     if len(limb.axes) > _MOST_AXES:
         carrier = Segment(
             name=f"carrier of {segment.name}", parent=segment.parent, joint_name=segment.joint_name, joints=()
         )
-        parent = _write_body(parent, Limb(carrier, limb.axes[:-_MOST_AXES], np.eye(4)), coordinates)
+        parent = _write_body(parent, limbs.Limb(carrier, limb.axes[:-_MOST_AXES], np.eye(4)), coordinates)
         limb = replace(limb, axes=limb.axes[-_MOST_AXES:])
     rest = limb.at_rest
     x, y, z, w = Rotation.from_matrix(rest[:3, :3]).as_quat()
@@ -128,111 +138,65 @@ def _write_body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinat
         parent,
         "body",
         name=segment.name,
-        pos=format_numbers(rest[:3, 3]),
-        quat=format_numbers([w, x, y, z]),
+        pos=limbs.format_numbers(rest[:3, 3]),
+        quat=limbs.format_numbers([w, x, y, z]),
     )
     if segment.mass > 0.0:
         ET.SubElement(
             body,
             "inertial",
-            pos=format_numbers(segment.com),
-            mass=format_numbers([segment.mass]),
-            fullinertia=format_numbers(segment.inertia),
+            pos=limbs.format_numbers(segment.com),
+            mass=limbs.format_numbers([segment.mass]),
+            fullinertia=limbs.format_numbers(segment.inertia),
         )
     else:
-        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": format_numbers([_SMALLEST] * 3)}
+        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": limbs.format_numbers([_SMALLEST] * 3)}
         ET.SubElement(body, "inertial", least)
-    for axis, direction, point in reversed(list(list_axes_at_rest(limb))):
+    for axis, direction, point in reversed(list(limbs.list_axes_at_rest(limb))):
         kind = "hinge" if axis.kind == "rotation" else "slide"
         given = {
             "name": axis.name,
             "type": kind,
-            "axis": format_numbers(direction),
-            "pos": format_numbers(point),
+            "axis": limbs.format_numbers(direction),
+            "pos": limbs.format_numbers(point),
         }
         own = coordinates[str(axis.term.coordinate)]
-        if axis.leads and _is_limited(own, limb):
-            given["range"] = format_numbers([own.lower, own.upper])
+        # Polynomials hold only in a coordinate's range: MuJoCo keeps it there, clamped or not.
+        ends = bool(np.isfinite([own.lower, own.upper]).all())
+        if axis.leads and ends and (own.clamped or limb.segment.parent != GROUND):
+            given["range"] = limbs.format_numbers([own.lower, own.upper])
         ET.SubElement(body, "joint", given)
     return body
 
 
-def _is_limited(coordinate: Coordinate, limb: Limb) -> bool:
-    """Whether MuJoCo keeps a coordinate in its range: polynomials hold only there, clamped or not."""
-    finite = bool(np.isfinite([coordinate.lower, coordinate.upper]).all())
-    return finite and (coordinate.clamped or limb.segment.parent != GROUND)
-
-
-def _list_unmoving(found: tuple[Limb, ...]) -> list[str]:
-    """Coordinates that move axes by functions alone, and none by their own value."""
+def _add_unmoving(
+    ground: ET.Element, found: tuple[limbs.Limb, ...], coordinates: dict[str, Coordinate]
+) -> None:
+    """A body without mass for each coordinate that is no axis: its joint has the value that others follow."""
+    # Coordinates that move axes by functions alone, and none by their own value
     axes = [axis for limb in found for axis in limb.axes]
     leading = {axis.name for axis in axes if axis.leads}
-    return list(dict.fromkeys(str(a.term.coordinate) for a in axes if a.term.coordinate not in leading))
-
-
-def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]) -> None:
-    """A body without mass for each coordinate that is no axis: its joint has the value that others follow."""
-    for name in _list_unmoving(found):
+    for name in dict.fromkeys(str(a.term.coordinate) for a in axes if a.term.coordinate not in leading):
         own = coordinates[name]
         body = ET.SubElement(ground, "body", name=f"value of {name}")
-        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": format_numbers([_SMALLEST] * 3)}
+        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": limbs.format_numbers([_SMALLEST] * 3)}
         ET.SubElement(body, "inertial", least)
         given = {"name": name, "type": "hinge" if own.kind == "rotation" else "slide", "axis": "0 0 1"}
         if own.clamped and np.isfinite([own.lower, own.upper]).all():
-            given["range"] = format_numbers([own.lower, own.upper])
+            given["range"] = limbs.format_numbers([own.lower, own.upper])
         ET.SubElement(body, "joint", given)
 
 
-def _list_ties(
-    found: tuple[Limb, ...], coordinates: dict[str, Coordinate], helpers: Mapping[str, tuple[str, Array]]
-) -> dict[str, tuple[str, Array]]:
-    """Joints that follow another one, to that and the polynomial, lowest power first; leaders come first."""
-    axes = [axis for limb in found for axis in limb.axes if not axis.leads]
-    followers = {a.name: (name := str(a.term.coordinate), _fit(a, coordinates[name])) for a in axes}
-    return {**helpers, **followers}
-
-
-def _tie(root: ET.Element, ties: Mapping[str, tuple[str, Array]]) -> None:
-    element = ET.SubElement(root, "equality")
-    for follower, (leader, polynomial) in ties.items():
-        tie = ET.SubElement(element, "joint", joint1=follower, joint2=leader)
-        tie.set("polycoef", format_numbers(polynomial))
-
-
-def _sort_joints(ground: ET.Element, ties: Mapping[str, tuple[str, Array]], found: tuple[Limb, ...]) -> None:
-    """Give joints that follow, and those that join the body to the ground, their classes."""
-    root = {axis.name for limb in found if limb.segment.parent == GROUND for axis in limb.axes}
-    for joint in ground.iter("joint"):
-        name, kind = str(joint.get("name")), joint.get("type")
-        if name in ties:
-            joint.set("class", "following slide" if kind == "slide" else "following hinge")
-        elif name in root:
-            joint.set("class", "root")
-
-
-def _add_start(
-    root: ET.Element, coordinates: Mapping[str, Coordinate], ties: Mapping[str, tuple[str, Array]]
-) -> None:
-    """A key frame with all coordinates at their default and what follows in its place."""
-    values = {name: own.default for name, own in coordinates.items()}
-    for follower, (leader, polynomial) in ties.items():
-        values[follower] = float(np.polynomial.polynomial.polyval(values[leader], polynomial))
-    world = root.find("worldbody")
-    assert world is not None
-    place = [values[str(joint.get("name"))] for joint in world.iter("joint")]
-    ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="default", qpos=format_numbers(place))
-
-
-def _fit(axis: DrivenAxis, coordinate: Coordinate) -> Array:
+def _fit(axis: limbs.DrivenAxis, coordinate: Coordinate) -> Array:
     """The quartic that an axis follows, lowest power first, (5,)."""
     if axis.term.shape is None:
         return np.array([0.0, axis.term.gain, 0.0, 0.0, 0.0])
-    x = np.linspace(*find_span(axis.term.shape, coordinate), 200)
-    fit = np.polynomial.Polynomial.fit(x, axis.value({coordinate.name: x}), QUARTIC).convert()
-    return np.pad(np.asarray(fit.coef, dtype=float), (0, QUARTIC + 1 - len(fit.coef)))
+    x = np.linspace(*polynomials.find_span(axis.term.shape, coordinate), 200)
+    fit = np.polynomial.Polynomial.fit(x, axis.value({coordinate.name: x}), polynomials.QUARTIC).convert()
+    return np.pad(np.asarray(fit.coef, dtype=float), (0, polynomials.QUARTIC + 1 - len(fit.coef)))
 
 
-def _describe_fits(followed: tuple[Followed, ...]) -> tuple[list[str], list[str]]:
+def _describe_fits(followed: tuple[polynomials.Followed, ...]) -> tuple[list[str], list[str]]:
     """How near polynomials are to laws, in all and one by one; nothing where they are exact."""
     units = {"translation": "mm", "rotation": "mrad"}
     far = [f for f in followed if f.off > _WORTH_SAYING]

@@ -35,14 +35,30 @@ def add_muscles(
         name = tendon.muscle.name
         course = ET.SubElement(courses, "spatial", name=name)
         if tendon.muscle.damping:
-            course.set("damping", format_numbers([_find_damping(tendon.muscle)]))
+            muscle = tendon.muscle
+            # Of the tendon, N s/m: that of Millard's fibre.
+            damping = muscle.damping * muscle.isometric_force / (muscle.fibre * muscle.speed)
+            course.set("damping", format_numbers([damping]))
         for part in tendon.course:
             if isinstance(part, Site):
                 _add_site(bodies[part.segment], part)
                 ET.SubElement(course, "site", site=part.name)
                 continue
             if part.surface.name not in drawn:
-                _add_surface(bodies, part)
+                surface = part.surface
+                x, y, z, w = Rotation.from_matrix(surface.axes).as_quat()
+                sizes = [surface.sizes[0], *(0.5 * size for size in surface.sizes[1:])]
+                given = {
+                    "name": surface.name,
+                    "type": surface.kind,
+                    "pos": format_numbers(surface.origin),
+                    "quat": format_numbers([w, x, y, z]),
+                    "size": format_numbers(sizes),
+                    "contype": "0",
+                    "conaffinity": "0",
+                    "group": "4",
+                }
+                ET.SubElement(bodies[surface.segment], "geom", given)
                 drawn.add(part.surface.name)
             wrapped = ET.SubElement(course, "geom", geom=part.surface.name)
             if part.side is not None:
@@ -78,23 +94,6 @@ def _add_site(body: ET.Element, site: Site) -> None:
     ET.SubElement(body, "site", name=site.name, pos=format_numbers(site.at), size="0.003", group="3")
 
 
-def _add_surface(bodies: Mapping[str, ET.Element], bend: Bend) -> None:
-    surface = bend.surface
-    x, y, z, w = Rotation.from_matrix(surface.axes).as_quat()
-    sizes = [surface.sizes[0], *(0.5 * size for size in surface.sizes[1:])]
-    given = {
-        "name": surface.name,
-        "type": surface.kind,
-        "pos": format_numbers(surface.origin),
-        "quat": format_numbers([w, x, y, z]),
-        "size": format_numbers(sizes),
-        "contype": "0",
-        "conaffinity": "0",
-        "group": "4",
-    }
-    ET.SubElement(bodies[surface.segment], "geom", given)
-
-
 def _add_motor(motors: ET.Element, muscle: Muscle) -> None:
     """The muscle's force: with a rigid tendon and constant pennation, lengths and forces along the tendon."""
     along = cos(muscle.pennation)
@@ -114,11 +113,6 @@ def _add_motor(motors: ET.Element, muscle: Muscle) -> None:
         "fvmax": format_numbers([_MOST_FORCE]),
     }
     ET.SubElement(motors, "muscle", given)
-
-
-def _find_damping(muscle: Muscle) -> float:
-    """Of the tendon, N s/m: that of Millard's fibre."""
-    return muscle.damping * muscle.isometric_force / (muscle.fibre * muscle.speed)
 
 
 def _draw_passive(steps: int) -> Array:

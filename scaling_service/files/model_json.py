@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.tables import read_bytes
@@ -31,16 +30,14 @@ def read_model_json(path: str | Path) -> BodyModel:
             "this is not JSON", file=file, remedy=f"Give a model of this program: {_WRITTEN_BY}"
         ) from None
     if not isinstance(content, dict) or not {"segments", "coordinates"} <= content.keys():
+        # What a document seems to be
+        if isinstance(content, dict) and "code_version" in content:
+            other = "a document of results"
+        elif isinstance(content, dict) and {"subject", "trials"} <= content.keys():
+            other = "a subject file"
+        else:
+            other = "some other document"
         raise FileUnreadable(
-            f"this is {_name_other(content)}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
+            f"this is {other}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
         )
     return from_document(content, file=file)
-
-
-def _name_other(content: Any) -> str:
-    """What a document seems to be."""
-    if isinstance(content, dict) and "code_version" in content:
-        return "a document of results"
-    if isinstance(content, dict) and {"subject", "trials"} <= content.keys():
-        return "a subject file"
-    return "some other document"

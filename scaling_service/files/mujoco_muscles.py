@@ -30,7 +30,14 @@ def measure_in_mujoco(mjcf: str, names: tuple[str, ...], sweeps: Mapping[str, Ar
     the file stand still. ``sweeps``: coordinate to (n_poses, n_coordinates), rad or m.
     Raises DependencyMissing: MuJoCo is not installed.
     """
-    mujoco = _import_mujoco()
+    try:
+        mujoco: Any = importlib.import_module("mujoco")
+    except ImportError as error:
+        raise DependencyMissing(
+            f"MuJoCo cannot be imported ({error})",
+            field="mujoco",
+            remedy="Install it with `pip install scaling-service[mujoco]`",
+        ) from error
     model = mujoco.MjModel.from_xml_string(mjcf)
     posed = _Posed(mujoco, model, names)
     lengths, arms = {}, {}
@@ -40,17 +47,6 @@ def measure_in_mujoco(mjcf: str, names: tuple[str, ...], sweeps: Mapping[str, Ar
         arms[coordinate] = np.array([arm for _, arm in found])
     muscles = tuple(model.tendon(k).name for k in range(model.ntendon))
     return EngineMuscles(f"MuJoCo {mujoco.__version__}", muscles, lengths, arms)
-
-
-def _import_mujoco() -> Any:
-    try:
-        return importlib.import_module("mujoco")
-    except ImportError as error:
-        raise DependencyMissing(
-            f"MuJoCo cannot be imported ({error})",
-            field="mujoco",
-            remedy="Install it with `pip install scaling-service[mujoco]`",
-        ) from error
 
 
 class _Posed:
@@ -80,14 +76,11 @@ class _Posed:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_tendon(model, data)
-        return data.ten_length.copy(), -_expand(model, data) @ moved
-
-
-def _expand(model: Any, data: Any) -> Array:
-    """The tendons' Jacobian, (n_tendons, n_joints); MuJoCo 4 keeps it by rows without zeros."""
-    if not hasattr(model, "ten_J_rownnz"):
-        return np.reshape(data.ten_J, (model.ntendon, model.nv))
-    full = np.zeros((model.ntendon, model.nv))
-    for k, (start, count) in enumerate(zip(model.ten_J_rowadr, model.ten_J_rownnz, strict=True)):
-        full[k, model.ten_J_colind[start : start + count]] = data.ten_J[start : start + count]
-    return full
+        # The tendons' Jacobian, (n_tendons, n_joints); MuJoCo 4 keeps it by rows without zeros.
+        if hasattr(model, "ten_J_rownnz"):
+            jacobian = np.zeros((model.ntendon, model.nv))
+            for k, (start, count) in enumerate(zip(model.ten_J_rowadr, model.ten_J_rownnz, strict=True)):
+                jacobian[k, model.ten_J_colind[start : start + count]] = data.ten_J[start : start + count]
+        else:
+            jacobian = np.reshape(data.ten_J, (model.ntendon, model.nv))
+        return data.ten_length.copy(), -jacobian @ moved

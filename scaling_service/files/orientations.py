@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files import tables
+from scaling_service.core import errors
+from scaling_service.files import sto, tables
 from scaling_service.files.recording import Recording
-from scaling_service.files.sto import look_up, read_columns, read_header
-from scaling_service.model.trial import Rotations, repair_each
+from scaling_service.model import trial
 
 QUATERNION = "quaternion"
 """What DataType says of such a file, in lower case."""
 
 _UNIT = 0.05  # chosen: most that a quaternion's length may be off one; sensors write four digits or more
+
+_HEAD = 4096  # letters that are looked at; a header has ten lines
 
 
 def is_orientation_file(path: str | os.PathLike[str]) -> bool:
@@ -31,11 +32,8 @@ def is_orientation_file(path: str | os.PathLike[str]) -> bool:
             head = stream.read(_HEAD)
     except OSError:
         return False
-    kind = look_up(read_header(head.lower().partition("endheader")[0].splitlines()), "datatype")
+    kind = sto.look_up(sto.read_header(head.lower().partition("endheader")[0].splitlines()), "datatype")
     return kind == QUATERNION
-
-
-_HEAD = 4096  # letters that are looked at; a header has ten lines
 
 
 def read_orientations(path: str | os.PathLike[str]) -> Recording:
@@ -49,10 +47,10 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
     text, repairs = tables.read_text(file, "an OpenSim table")
     lines = tables.number_lines(text)
     end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
-    header = read_header([line for _, line in lines[:end]]) if end is not None else {}
-    kind = look_up(header, "datatype")
+    header = sto.read_header([line for _, line in lines[:end]]) if end is not None else {}
+    kind = sto.look_up(header, "datatype")
     if end is None or (kind or "").lower() != QUATERNION:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"it holds {'no orientations' if kind is None else kind[:20]}, and recordings in STO files are "
             "orientations of sensors",
             file=file,
@@ -60,9 +58,9 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
             remedy="Give a table with DataType=Quaternion, as OpenSense writes; forces go under `forces:`",
         )
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
-    columns = read_columns(rows, file)
+    columns = sto.read_columns(rows, file)
     if len(rows) < 2:
-        raise TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
+        raise errors.TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
     numbers = np.full((len(rows) - 1, len(columns) - 1, 4), np.nan)
     times = np.empty(len(numbers))
     for k, (line, content) in enumerate(rows[1:]):
@@ -70,7 +68,7 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
         try:
             times[k] = float(cells[0])
         except ValueError:
-            raise FileUnreadable(
+            raise errors.FileUnreadable(
                 f"'{cells[0][:20]}' is no time", file=file, field=f"line {line}", remedy="Export it again"
             ) from None
         for j, cell in enumerate(cells[1 : len(columns)]):
@@ -82,18 +80,18 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
     tables.check_times(times, file, [number for number, _ in rows[1:]])
     known = np.abs(np.linalg.norm(numbers, axis=2) - 1.0) < _UNIT
     if not known.any():
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "no cell holds a unit quaternion w,x,y,z", file=file, field="DataType", remedy="Export it again"
         )
     whole = np.where(known[..., None], numbers, [1.0, 0.0, 0.0, 0.0])
     turns = Rotation.from_quat(whole.reshape(-1, 4), scalar_first=True).as_matrix()
     turns = np.where(known[..., None, None], turns.reshape(*known.shape, 3, 3), np.nan)
     labels = columns[1:]
-    lost = repair_each(
+    lost = trial.repair_each(
         ~known, labels, "lost_orientation", "no unit quaternion there, which counts as not measured"
     )
     try:
-        rate = float(look_up(header, "datarate") or "")
+        rate = float(sto.look_up(header, "datarate") or "")
     except ValueError:
         rate = float("nan")
     if not 0.0 < rate < np.inf:
@@ -105,5 +103,5 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
         markers=np.empty((len(times), 0, 3)),
         rate_hz=rate,
         repairs=(*repairs, *lost),
-        rotations=Rotations(labels=labels, matrices=turns, of="sensors"),
+        rotations=trial.Rotations(labels=labels, matrices=turns, of="sensors"),
     )

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import BodyModel, Coordinate, Law, Shape, Term
+from scaling_service.model import body
 from scaling_service.model.compile import differentiate_law_at, evaluate_law
 
 QUARTIC = 4  # the degree of MuJoCo's joint equality
@@ -44,7 +44,7 @@ class Followed:
 class Eased:
     """A model whose laws are quartics of one coordinate each."""
 
-    model: BodyModel  # with helping coordinates
+    model: body.BodyModel  # with helping coordinates
     helpers: Mapping[str, tuple[str, Array]]
     """To the coordinate that each follows, which comes before, and the quartic, lowest power first."""
     followed: tuple[Followed, ...]
@@ -57,7 +57,7 @@ class Eased:
         return found
 
 
-def ease_laws(model: BodyModel) -> Eased:
+def ease_laws(model: body.BodyModel) -> Eased:
     """Put every law of one coordinate as near as it goes; surfaces and parameters are left as they are."""
     helpers: dict[str, tuple[str, Array]] = {}
     followed: list[Followed] = []
@@ -66,7 +66,7 @@ def ease_laws(model: BodyModel) -> Eased:
     for segment in model.segments:
         joints = []
         for k, joint in enumerate(segment.joints):
-            terms: list[Term] = []
+            terms: list[body.Term] = []
             for term in joint.law.terms:
                 own = None if term.coordinate is None else known[term.coordinate]
                 if term.shape is None or own is None or own.locked:
@@ -83,14 +83,14 @@ def ease_laws(model: BodyModel) -> Eased:
                         kind=joint.kind,
                     )
                 )
-            joints.append(replace(joint, law=Law(tuple(terms))))
+            joints.append(replace(joint, law=body.Law(tuple(terms))))
         segments.append(replace(segment, joints=tuple(joints)))
-    more = tuple(Coordinate(name=name, lower=-1.0, upper=1.0) for name in helpers)
+    more = tuple(body.Coordinate(name=name, lower=-1.0, upper=1.0) for name in helpers)
     eased = replace(model, segments=tuple(segments), coordinates=(*model.coordinates, *more))
     return Eased(eased, helpers, tuple(followed))
 
 
-def find_span(shape: Shape, coordinate: Coordinate) -> tuple[float, float]:
+def find_span(shape: body.Shape, coordinate: body.Coordinate) -> tuple[float, float]:
     """Where a law has to hold: the coordinate's range, or the law's own where that has no end."""
     if np.isfinite([coordinate.lower, coordinate.upper]).all() and coordinate.lower < coordinate.upper:
         return coordinate.lower, coordinate.upper
@@ -98,13 +98,13 @@ def find_span(shape: Shape, coordinate: Coordinate) -> tuple[float, float]:
 
 
 def _ease(
-    term: Term, coordinate: Coordinate, helpers: dict[str, tuple[str, Array]]
-) -> tuple[list[Term], float]:
+    term: body.Term, coordinate: body.Coordinate, helpers: dict[str, tuple[str, Array]]
+) -> tuple[list[body.Term], float]:
     """Terms that add up to a term as nearly as they can, and how far they are off at most, m or rad."""
     assert term.shape is not None
     lower, upper = find_span(term.shape, coordinate)
     x, half = np.linspace(lower, upper, _POINTS), 0.5 * (upper - lower)
-    s, law = np.linspace(-1.0, 1.0, _POINTS), Law((term,))
+    s, law = np.linspace(-1.0, 1.0, _POINTS), body.Law((term,))
     wanted = np.concatenate([evaluate_law(law, {coordinate.name: x}), _SLOPES * differentiate_law_at(law, x)])
     scaled = np.polynomial.Polynomial([-(lower + upper) / (2.0 * half), 1.0 / half])
     squares = [np.polynomial.Polynomial([-sign * _APART, 1.0]) ** 2 for sign in (1.0, -1.0)]
@@ -127,7 +127,14 @@ def _ease(
         leader, law_of = (
             (coordinate.name, first[k](scaled)) if k < len(first) else (names[k - len(first)], _T2)
         )
-        names.append(_name_helper(leader, _list_powers(law_of), helpers))
+        # The joint that follows another one by a square, a new one if there is none yet
+        square = _list_powers(law_of)
+        same = [name for name, (one, _) in helpers.items() if one == leader]
+        name = next((name for name in same if np.array_equal(helpers[name][1], square)), None)
+        if name is None:
+            name = f"{leader} square {1 + len(same)}"
+            helpers[name] = (leader, square)
+        names.append(name)
         terms.append(_make_term(names[-1], third * _T3 + fourth * _T4, (-1.0, 1.0)))
     return terms, float(left[:_POINTS].max())
 
@@ -138,17 +145,9 @@ def _list_powers(polynomial: np.polynomial.Polynomial) -> Array:
     return np.pad(own, (0, QUARTIC + 1 - len(own)))
 
 
-def _name_helper(coordinate: str, square: Array, helpers: dict[str, tuple[str, Array]]) -> str:
-    """The joint that follows another one by a square, a new one if there is none yet."""
-    for name, (own, known) in helpers.items():
-        if own == coordinate and np.array_equal(known, square):
-            return name
-    name = f"{coordinate} square {1 + sum(own == coordinate for own, _ in helpers.values())}"
-    helpers[name] = (coordinate, square)
-    return name
-
-
-def _make_term(coordinate: str, polynomial: np.polynomial.Polynomial, span: tuple[float, float]) -> Term:
+def _make_term(coordinate: str, polynomial: np.polynomial.Polynomial, span: tuple[float, float]) -> body.Term:
     """A polynomial of a coordinate, over a span."""
     local = _list_powers(polynomial(np.polynomial.Polynomial([span[0], 1.0])))
-    return Term(1.0, coordinate=coordinate, shape=Shape(span, (tuple(float(c) for c in local[::-1]),)))
+    return body.Term(
+        1.0, coordinate=coordinate, shape=body.Shape(span, (tuple(float(c) for c in local[::-1]),))
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.core import errors
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.trial import Trial, is_unlabelled
 
@@ -46,7 +46,7 @@ class Recording(Trial):
 
     unit: str = NOT_STATED  # Of length, as the file states it
     # Its force plates in the laboratory's axes, or why they cannot be used; None where there are none
-    plates: PlateRecording | TrialUnusable | None = None
+    plates: PlateRecording | errors.TrialUnusable | None = None
     # Trajectories such as ``*110``, which nobody labelled, where the format keeps them apart
     unlabelled: Trial | None = None
 
@@ -57,11 +57,18 @@ class Recording(Trial):
 
     def with_unlabelled(self) -> Trial:
         """All trajectories, also those that nobody labelled."""
+        return self.trial if self.unlabelled is None else self.take_unlabelled(self.unlabelled.labels).trial
+
+    def take_unlabelled(self, labels: Collection[str]) -> Recording:
+        """The recording with those of these labels among its markers that nobody gave."""
         if self.unlabelled is None:
-            return self.trial
-        labels = (*self.labels, *self.unlabelled.labels)
+            return self
+        taken = self.unlabelled.select([label for label in self.unlabelled.labels if label in labels])
         return replace(
-            self.trial, labels=labels, markers=np.concatenate([self.markers, self.unlabelled.markers], axis=1)
+            self,
+            labels=(*self.labels, *taken.labels),
+            markers=np.concatenate([self.markers, taken.markers], axis=1),
+            unlabelled=self.unlabelled.select([one for one in self.unlabelled.labels if one not in labels]),
         )
 
 
@@ -97,11 +104,11 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         said = f"'{file.suffix}' is not a format of recordings" if file.suffix else "the name has no suffix"
-        raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
+        raise errors.FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
     recording: Recording = reader.load()(file)
     named = sum(not is_unlabelled(label) for label in recording.labels)
     if named > MOST_LABELS:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"it has {named:,} labels, and {MOST_LABELS:,} is the most that is looked at",
             file=file,
             field="labels",

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.core.errors import DependencyMissing, InputError
+from scaling_service.core import errors
 from scaling_service.core.tables import MotionTable, ResultTable
 
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -24,6 +24,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
 
 BIDS_VERSION = "1.9.0"
 """Of the Brain Imaging Data Structure: the first with motion (Jeung et al. 2024, Sci Data 11:716)."""
+
+FORMS = ("csv", "parquet", "bids")
 
 _NOT_A_LABEL = re.compile(r"[^0-9A-Za-z]+")
 _SD = "_sd_"
@@ -54,11 +56,11 @@ def check_forms(text: str) -> tuple[str, ...]:
     forms = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     for form in forms:
         if form not in FORMS:
-            raise InputError(
+            raise errors.InputError(
                 f"there are no tables as '{form}'", field="--tables", remedy=f"There are {', '.join(FORMS)}"
             )
     if "parquet" in forms and find_spec("pyarrow") is None:
-        raise DependencyMissing(
+        raise errors.DependencyMissing(
             "Parquet is written by pyarrow, which is not installed",
             field="--tables",
             remedy="Install it with `pip install scaling-service[tables]`, or take csv",
@@ -71,12 +73,13 @@ def save_tables(tables: Mapping[str, ResultTable], folder: Path, forms: Sequence
 
     Raises InputError: the folder cannot be made or written to.
     """
+    writers = {"csv": write_csv, "parquet": write_parquet, "bids": write_motion_bids}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for form in forms:
-            FORMS[form](tables, folder, about)
+            writers[form](tables, folder, about)
     except OSError as error:
-        raise InputError(
+        raise errors.InputError(
             f"tables cannot be written there: {error.strerror}",
             file=folder,
             field="--out",
@@ -96,12 +99,11 @@ def write_csv(tables: Mapping[str, ResultTable], folder: Path, about: About) -> 
         with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(table.columns)
-            writer.writerows([_format_csv(value) for value in row] for row in table.rows)
+            writer.writerows(
+                ["" if isinstance(value, float) and math.isnan(value) else value for value in row]
+                for row in table.rows
+            )
         _write_json(folder / f"{name}.json", describe_table(table, about))
-
-
-def _format_csv(value: Any) -> Any:
-    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else value
 
 
 def write_parquet(tables: Mapping[str, ResultTable], folder: Path, about: About) -> None:
@@ -147,36 +149,33 @@ def write_motion_bids(tables: Mapping[str, ResultTable], folder: Path, about: Ab
         values = np.array(table.rows, dtype=float)
         rows = (["n/a" if not math.isfinite(v) else f"{v:.10g}" for v in row[1:]] for row in values)
         _write_tsv(place / f"{stem}_motion.tsv", rows)
-        channels = [_describe_channel(column) for column in table.columns[1:]]
+        channels = []
+        for column in table.columns[1:]:
+            # A row of `channels.tsv`; a coordinate is the point that it moves.
+            known, _, end = column.rpartition("_")
+            moved = known.removesuffix("_sd")
+            kind = "MISC" if _SD in column else "JNTANG" if UNITS[end] == "deg" else "POS"
+            component = moved[-1] if kind == "POS" and moved[-1] in "xyz" else "n/a"
+            channels.append([known, component, kind, moved, UNITS[end]])
         head = ["name", "component", "type", "tracked_point", "units"]
         _write_tsv(place / f"{stem}_channels.tsv", [head, *channels])
         counts = {
             f"{kind}ChannelCount": sum(channel[2] == kind for channel in channels)
             for kind in ("JNTANG", "POS", "MISC")
         }
+        # Frames a second; of a single frame there is none, which is written as 0.
+        times = values[:, 0]
         sidecar = {
             "TaskName": table.trial,
-            "SamplingFrequency": _measure_rate(values[:, 0]),
+            "SamplingFrequency": (
+                float(round((len(times) - 1) / (times[-1] - times[0]), 6)) if len(times) > 1 else 0.0
+            ),
             "TrackingSystemName": table.system,
             "MotionChannelCount": len(channels),
             "MissingValues": "n/a",
             **counts,
         }
         _write_json(place / f"{stem}_motion.json", sidecar)
-
-
-def _describe_channel(column: str) -> list[str]:
-    """A row of ``channels.tsv``; a coordinate is the point that it moves."""
-    name, _, end = column.rpartition("_")
-    coordinate = name.removesuffix("_sd")
-    kind = "MISC" if _SD in column else "JNTANG" if UNITS[end] == "deg" else "POS"
-    component = coordinate[-1] if kind == "POS" and coordinate[-1] in "xyz" else "n/a"
-    return [name, component, kind, coordinate, UNITS[end]]
-
-
-def _measure_rate(times: np.ndarray) -> float:
-    """Frames a second; of a single frame there is none, which is written as 0."""
-    return float(round((len(times) - 1) / (times[-1] - times[0]), 6)) if len(times) > 1 else 0.0
 
 
 def _make_label(text: str) -> str:
@@ -190,9 +189,3 @@ def _write_tsv(path: Path, rows: Any) -> None:
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-FORMS: Mapping[str, Callable[[Mapping[str, ResultTable], Path, About], None]] = MappingProxyType(
-    {"csv": write_csv, "parquet": write_parquet, "bids": write_motion_bids}
-)
-"""Form to what writes tables in it."""

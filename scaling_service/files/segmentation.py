@@ -19,7 +19,7 @@ from scipy.ndimage import find_objects, gaussian_filter
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.mesh import READERS, Mesh, read_mesh
+from scaling_service.files import mesh
 
 MAX_VOXELS = 700_000_000  # chosen: a whole body of 512 x 512 x 2600; one byte each
 MAP_SUFFIXES = (".nii", ".nii.gz")
@@ -45,7 +45,7 @@ class Segmentation:
     zeros for surfaces.
     """
 
-    surfaces: Mapping[str, Mesh]
+    surfaces: Mapping[str, mesh.Mesh]
     rightward: Array | None = None
     voxel: Array
 
@@ -79,7 +79,26 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
     """
     place = Path(path)
     if place.is_dir():
-        return _read_folder(place)
+        masks = sorted(file for file in place.iterdir() if file.name.lower().endswith(MAP_SUFFIXES))
+        meshes = sorted(file for file in place.iterdir() if file.suffix.lower() in mesh.READERS)
+        if meshes or not masks:
+            if not meshes:
+                raise FileUnreadable(
+                    "no surface and no mask is in it",
+                    file=place,
+                    remedy=f"Export one file a label: {', '.join((*mesh.READERS, *MAP_SUFFIXES))}",
+                )
+            return Segmentation(
+                surfaces={file.stem: mesh.read_mesh(file) for file in meshes}, voxel=np.zeros(3)
+            )
+        surfaces: dict[str, mesh.Mesh] = {}
+        voxel = np.zeros(3)
+        for file in masks:
+            volume, affine, _ = _read_volume(file)
+            mask = (volume > 0).astype(np.uint8)
+            surfaces |= dict(_list_surfaces(mask, affine, {1: _strip(file)}))
+            voxel = np.maximum(voxel, _measure_voxel(affine))
+        return Segmentation(surfaces=surfaces, rightward=np.array([1.0, 0.0, 0.0]), voxel=voxel)
     volume, affine, own = _read_volume(place)
     names = own or _read_table(place) or TOTAL
     surfaces = dict(_list_surfaces(volume, affine, names))
@@ -94,27 +113,6 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
         rightward=np.array([1.0, 0.0, 0.0]),  # NIfTI's axes are right, anterior, superior
         voxel=_measure_voxel(affine),
     )
-
-
-def _read_folder(folder: Path) -> Segmentation:
-    masks = sorted(file for file in folder.iterdir() if file.name.lower().endswith(MAP_SUFFIXES))
-    meshes = sorted(file for file in folder.iterdir() if file.suffix.lower() in READERS)
-    if meshes or not masks:
-        if not meshes:
-            raise FileUnreadable(
-                "no surface and no mask is in it",
-                file=folder,
-                remedy=f"Export one file a label: {', '.join((*READERS, *MAP_SUFFIXES))}",
-            )
-        return Segmentation(surfaces={file.stem: read_mesh(file) for file in meshes}, voxel=np.zeros(3))
-    surfaces: dict[str, Mesh] = {}
-    voxel = np.zeros(3)
-    for file in masks:
-        volume, affine, _ = _read_volume(file)
-        mask = (volume > 0).astype(np.uint8)
-        surfaces |= dict(_list_surfaces(mask, affine, {1: _strip(file)}))
-        voxel = np.maximum(voxel, _measure_voxel(affine))
-    return Segmentation(surfaces=surfaces, rightward=np.array([1.0, 0.0, 0.0]), voxel=voxel)
 
 
 def describe_label_map(path: str | os.PathLike[str]) -> str:
@@ -200,8 +198,19 @@ def _read_table(file: Path) -> dict[int, str]:
         try:
             text = table.read_text(encoding="utf-8")
             if table.suffix == ".json":
-                return dict(_pair(*entry) for entry in json.loads(text).items())
-            return dict(_list_rows(text))
+                # A number and a name, either way round
+                return dict(
+                    (int(key), str(value)) if key.isdigit() else (int(str(value)), key)
+                    for key, value in json.loads(text).items()
+                )
+            # ITK-SNAP (number, colour …, "name") and 3D Slicer (number, name, colour)
+            lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+            found = {}
+            for row in csv.reader(lines, delimiter=" ", skipinitialspace=True):
+                names = [cell for cell in row[1:] if re.search("[A-Za-z]", cell)]
+                if row and row[0].isdigit() and names:
+                    found[int(row[0])] = names[0]
+            return found
         except (ValueError, AttributeError, TypeError, UnicodeDecodeError) as error:
             raise FileUnreadable(
                 f"it is no table of labels ({error})",
@@ -211,25 +220,12 @@ def _read_table(file: Path) -> dict[int, str]:
     return {}
 
 
-def _pair(key: str, value: object) -> tuple[int, str]:
-    """A number and a name, either way round."""
-    return (int(key), str(value)) if key.isdigit() else (int(str(value)), key)
-
-
-def _list_rows(text: str) -> Iterator[tuple[int, str]]:
-    """Of ITK-SNAP (number, colour …, "name") and 3D Slicer (number, name, colour)."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    for row in csv.reader(lines, delimiter=" ", skipinitialspace=True):
-        if row and row[0].isdigit() and len(row) > 1:
-            names = [cell for cell in row[1:] if re.search("[A-Za-z]", cell)]
-            if names:
-                yield int(row[0]), names[0]
-
-
 def _list_surfaces(
     volume: NDArray[Any], affine: Array, names: Mapping[int, str]
-) -> Iterator[tuple[str, Mesh]]:
+) -> Iterator[tuple[str, mesh.Mesh]]:
     """Name and surface of each label that is named and has enough voxels."""
+    import pyvista  # only here: it takes half a second
+
     boxes = find_objects(volume if volume.dtype.kind in "iu" else volume.astype(np.int32))
     for number, name in sorted(names.items()):
         box = boxes[number - 1] if 0 < number <= len(boxes) else None
@@ -241,21 +237,16 @@ def _list_surfaces(
         ]
         inside = volume[tuple(slice(*span) for span in spans)] == number
         if int(inside.sum()) >= _FEWEST_VOXELS:
-            yield name, _extract_surface(inside, affine, np.array([low for low, _ in spans]))
-
-
-def _extract_surface(inside: NDArray[np.bool_], affine: Array, corner: NDArray[np.intp]) -> Mesh:
-    """Where a label ends, half-way between voxels; open where the image does."""
-    import pyvista  # only here: it takes half a second
-
-    field = gaussian_filter(inside.astype(np.float32), _BLUR, mode="nearest")
-    grid = pyvista.ImageData(dimensions=inside.shape)
-    grid.point_data["inside"] = field.ravel(order="F")
-    surface = grid.contour([0.5], scalars="inside", method="flying_edges").triangulate()
-    places = (np.asarray(surface.points, dtype=float) + corner) @ affine[:3, :3].T + affine[:3, 3]
-    faces = np.asarray(surface.regular_faces, dtype=np.intp)
-    mirrored = np.linalg.det(affine[:3, :3]) < 0
-    return Mesh(places, faces[:, ::-1] if mirrored else faces)
+            # Where the label ends, half-way between voxels; open where the image does
+            field = gaussian_filter(inside.astype(np.float32), _BLUR, mode="nearest")
+            grid = pyvista.ImageData(dimensions=inside.shape)
+            grid.point_data["inside"] = field.ravel(order="F")
+            surface = grid.contour([0.5], scalars="inside", method="flying_edges").triangulate()
+            corner = np.array([low for low, _ in spans])
+            places = (np.asarray(surface.points, dtype=float) + corner) @ affine[:3, :3].T + affine[:3, 3]
+            faces = np.asarray(surface.regular_faces, dtype=np.intp)
+            mirrored = np.linalg.det(affine[:3, :3]) < 0
+            yield name, mesh.Mesh(places, faces[:, ::-1] if mirrored else faces)
 
 
 def _measure_voxel(affine: Array) -> Array:

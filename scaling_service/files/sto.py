@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files import tables
 from scaling_service.model.trial import Repair
 
@@ -57,7 +57,7 @@ class Table:
         """
         if name not in self.columns:
             shown = ", ".join(self.columns[:12]) + (", …" if len(self.columns) > 12 else "")
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"there is no column '{name}'; there are {shown}",
                 file=self.name,
                 field=name,
@@ -79,13 +79,13 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     lines = tables.number_lines(text)
     end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"this is not {_KIND}: there is no line 'endheader'", file=file, remedy="Export it as STO or MOT"
         )
     header = read_header([line for _, line in lines[:end]])
     kind = look_up(header, "datatype")
     if kind is not None and kind.lower() not in ("double", "float"):
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"cells of type {kind[:20]} are not supported, only plain numbers",
             file=file,
             field="DataType",
@@ -96,17 +96,28 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
     data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
-        raise TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
+        raise errors.TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
     tables.check_times(data[:, 0], file, [number for number, _ in body])
-    degrees, ambiguous = _in_degrees(header)
-    counts = _check_counts(header, *data.shape)
+    stated = look_up(header, "indegrees")
+    word = (stated or "").strip().lower()
+    degrees = word in _TRUE if word in _TRUE or word in _FALSE else None
+    notes = []
+    if degrees is None:
+        said = "is absent" if stated is None else f"says '{stated[:20]}'"
+        detail = f"{said}: whether rotations are in degrees is ambiguous"
+        notes = [Repair(what="in_degrees", where="inDegrees", detail=detail)]
+    for key, found in zip(("nRows", "nColumns"), data.shape, strict=True):
+        count = look_up(header, key.lower())
+        if count is not None and count != str(found):
+            detail = f"the header says {count[:20]}, the file holds {found}"
+            notes.append(Repair(what="header", where=key, detail=detail))
     return Table(
         name=file.stem,
         columns=columns,
         data=data,
         in_degrees=degrees,
         header=MappingProxyType(header),
-        repairs=(*repairs, *ambiguous, *counts, *cut, *row_repairs),
+        repairs=(*repairs, *notes, *cut, *row_repairs),
     )
 
 
@@ -135,20 +146,20 @@ def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
     Raises FileUnreadable: there is none, the first is not time, one has no name, or two have the same.
     """
     if not rows:
-        raise FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
+        raise errors.FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
     cells = tables.split_cells(rows[0][1])
     while cells and not cells[-1]:
         cells.pop()
     if not cells or cells[0].lower() not in ("time", "t"):
         first = cells[0][:20] if cells else ""
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"the first column is '{first}', not time",
             file=file,
             field=f"line {rows[0][0]}",
             remedy="Put the column 'time' first, and the column names on the line after 'endheader'",
         )
     if "" in cells:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"column {cells.index('') + 1} has no name",
             file=file,
             field=f"line {rows[0][0]}",
@@ -156,34 +167,6 @@ def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
         )
     tables.refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
     return ("time", *cells[1:])
-
-
-def _in_degrees(header: Mapping[str, str]) -> tuple[bool | None, tuple[Repair, ...]]:
-    stated = look_up(header, "indegrees")
-    word = (stated or "").strip().lower()
-    if word in _TRUE or word in _FALSE:
-        return word in _TRUE, ()
-    said = "is absent" if stated is None else f"says '{stated[:20]}'"
-    return None, (
-        Repair(
-            what="in_degrees",
-            where="inDegrees",
-            detail=f"{said}: whether rotations are in degrees is ambiguous",
-        ),
-    )
-
-
-def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[Repair, ...]:
-    repairs = []
-    for key, found in (("nRows", rows), ("nColumns", columns)):
-        stated = look_up(header, key.lower())
-        if stated is not None and stated != str(found):
-            repairs.append(
-                Repair(
-                    what="header", where=key, detail=f"the header says {stated[:20]}, the file holds {found}"
-                )
-            )
-    return tuple(repairs)
 
 
 def write_sto(path: str | os.PathLike[str], table: Table) -> None:
@@ -196,7 +179,7 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     """
     for name in table.columns:
         if not name or name != name.strip() or re.search(r"[\t\r\n]", name):
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"column name {name!r} cannot be written", file=table.name, field=name, remedy="Rename it"
             )
     rows, columns = table.data.shape

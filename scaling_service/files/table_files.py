@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.documents.base import ArrayEntry, Overview, PlateEntry
+from scaling_service.documents import base
 from scaling_service.model.forces import GroundForces
 
 MOST_FRAMES = 2000
@@ -27,7 +27,7 @@ class ArrayFiles:
 
     def write(
         self, name: str, values: Array, unit: str, *, first_look: Literal["frames", "largest"] = "frames"
-    ) -> ArrayEntry:
+    ) -> base.ArrayEntry:
         """Write one table.
 
         ``name``: without suffix; plain. ``values`` (n_frames, ...): NaN where unknown. ``first_look``
@@ -40,10 +40,12 @@ class ArrayFiles:
         step = -(-len(content) // MOST_FRAMES)
         overview = None
         if step > 1:
-            few = content[::step] if first_look == "frames" else _find_largest(content, step)
+            few = content[::step]
+            if first_look != "frames":  # the largest known value of every stretch of frames, NaN without one
+                few = np.asarray(np.fmax.reduceat(content, np.arange(0, len(content), step), axis=0))
             file = self._save(f"{name}.overview.f32", few)
-            overview = Overview(file=file, shape=list(few.shape), step=step)
-        return ArrayEntry(
+            overview = base.Overview(file=file, shape=list(few.shape), step=step)
+        return base.ArrayEntry(
             file=self._save(f"{name}.f32", content), shape=list(content.shape), unit=unit, overview=overview
         )
 
@@ -54,21 +56,13 @@ class ArrayFiles:
         return f"{self._below}/{name}"
 
 
-def _find_largest(
-    values: np.ndarray[tuple[int, ...], np.dtype[np.float32]], step: int
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """The largest known value of every stretch of frames; NaN where none is known."""
-    edges = np.arange(0, len(values), step)
-    return np.asarray(np.fmax.reduceat(values, edges, axis=0))
-
-
-def list_plates(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
+def list_plates(forces: GroundForces | None, corners: Array | None) -> list[base.PlateEntry]:
     """Plates with their corners, (n_plates, 4, 3) in our axes, where the file has them."""
     if forces is None:
         return []
     peaks = np.linalg.norm(np.nan_to_num(forces.force), axis=2).max(axis=0)
     return [
-        PlateEntry(
+        base.PlateEntry(
             name=name,
             corners_m=None if corners is None else np.round(corners[k], 5).tolist(),
             peak_N=round(float(peaks[k]), 1),

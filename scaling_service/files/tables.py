@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.model.trial import (
-    Repair,
-    repair_each,
-)
+from scaling_service.model import trial
 
 METRES = {
     spelling: metres
@@ -63,35 +61,45 @@ def read_bytes(path: Path, kind: str) -> bytes:
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        raise FileUnreadable("there is no such file", file=path, remedy="Check its name and folder") from None
+        raise errors.FileUnreadable(
+            "there is no such file", file=path, remedy="Check its name and folder"
+        ) from None
     except IsADirectoryError:
-        raise FileUnreadable(f"this is a folder, not {kind}", file=path, remedy="Name a file") from None
+        raise errors.FileUnreadable(
+            f"this is a folder, not {kind}", file=path, remedy="Name a file"
+        ) from None
     except OSError as error:
         reason = (error.strerror or "unknown reason").lower()
-        raise FileUnreadable(f"cannot be read: {reason}", file=path, remedy="Check its permissions") from None
+        raise errors.FileUnreadable(
+            f"cannot be read: {reason}", file=path, remedy="Check its permissions"
+        ) from None
     if not content.strip():
-        raise FileUnreadable("the file is empty", file=path, remedy="Export or copy it again")
+        raise errors.FileUnreadable("the file is empty", file=path, remedy="Export or copy it again")
     return content
 
 
-def read_text(path: Path, kind: str) -> tuple[str, tuple[Repair, ...]]:
+def read_text(path: Path, kind: str) -> tuple[str, tuple[trial.Repair, ...]]:
     """The text of a file, as UTF-8 or, where it is not, Latin-1.
 
     Returns ``text``: without byte order mark, lines ended by a line feed. Raises FileUnreadable if it is
     absent, empty or not text.
     """
     content = read_bytes(path, kind)
-    repairs: tuple[Repair, ...] = ()
+    repairs: tuple[trial.Repair, ...] = ()
     if content[:1] < b"\x80" and content[1:2] == b"\x50" and b"\x00" in content[:512]:
-        raise FileUnreadable(f"this is a C3D file, not {kind}", file=path, remedy="Name it .c3d")
+        raise errors.FileUnreadable(f"this is a C3D file, not {kind}", file=path, remedy="Name it .c3d")
     if b"\x00" in content:
-        raise FileUnreadable(f"this is binary, not {kind}", file=path, remedy="Export it again as plain text")
+        raise errors.FileUnreadable(
+            f"this is binary, not {kind}", file=path, remedy="Export it again as plain text"
+        )
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
         repairs = (
-            Repair(what="encoding", where="file", detail="bytes that are not UTF-8 were read as Latin-1"),
+            trial.Repair(
+                what="encoding", where="file", detail="bytes that are not UTF-8 were read as Latin-1"
+            ),
         )
     return text.replace("\r\n", "\n").replace("\r", "\n"), repairs
 
@@ -106,7 +114,9 @@ def split_cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split("\t")] if "\t" in line else line.split()
 
 
-def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tuple[Array, tuple[Repair, ...]]:
+def parse_rows(
+    lines: Sequence[Line], columns: Sequence[str], path: Path
+) -> tuple[Array, tuple[trial.Repair, ...]]:
     """Rows of numbers under named columns.
 
     ``lines`` sequence of (number, text): blank ones are skipped. ``columns``: their names, for messages.
@@ -117,28 +127,23 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     leaves no trace, so which number belongs to which column is unknown: all but the first two are dropped.
     """
     wanted = len(columns)
-    plain = _parse_plain_rows(lines, wanted)
-    if plain is not None:
-        return plain, ()
+    texts = [text for _, text in lines]
+    if texts and all(text.count("\t") == wanted - 1 for text in texts):
+        with suppress(ValueError):  # rows that are all whole, at once
+            data = np.loadtxt(texts, delimiter="\t", comments=None, ndmin=2)
+            if data.shape == (len(texts), wanted) and not np.isinf(data).any():
+                return data, ()
     tally: Counter[str] = Counter()
     rows = [_parse_row(number, text, columns, path, tally) for number, text in lines if text.strip()]
     data = np.array(rows, dtype=float).reshape(len(rows), wanted)
     infinite = np.isinf(data)
     tally["infinite"] = int(infinite.any(axis=1).sum())
     data[infinite] = np.nan
-    return data, _describe(tally)
-
-
-def _parse_plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
-    """Tab-delimited rows that are all whole, at once; None where anything needs a closer look."""
-    texts = [text for _, text in lines]
-    if not texts or not all(text.count("\t") == wanted - 1 for text in texts):
-        return None
-    try:
-        data = np.loadtxt(texts, delimiter="\t", comments=None, ndmin=2)
-    except ValueError:
-        return None
-    return data if data.shape == (len(texts), wanted) and not np.isinf(data).any() else None
+    return data, tuple(
+        trial.Repair(what=kind, where="rows", detail=detail, frames=tally[need])
+        for need, (kind, detail) in _REPAIRS.items()
+        if tally[need]
+    )
 
 
 def _parse_row(
@@ -189,19 +194,11 @@ def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) 
         else:
             tally["comma"] += 1
             return value
-    raise FileUnreadable(
+    raise errors.FileUnreadable(
         f"line {line} holds {cell[:20]!r} where a number is expected",
         file=path,
         field=column,
         remedy="Correct the cell, or leave it blank if the value is missing",
-    )
-
-
-def _describe(tally: Counter[str]) -> tuple[Repair, ...]:
-    return tuple(
-        Repair(what=kind, where="rows", detail=detail, frames=tally[need])
-        for need, (kind, detail) in _REPAIRS.items()
-        if tally[need]
     )
 
 
@@ -215,7 +212,7 @@ def format_rows(form: str, data: Array) -> Iterator[str]:
         yield (f"{form}\n" * len(part)) % tuple(part.ravel().tolist())
 
 
-def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line], tuple[Repair, ...]]:
+def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line], tuple[trial.Repair, ...]]:
     """Rows without the number, or the row, in which the file breaks off.
 
     A last line that has no line feed and too few cells was cut while it was written. Its last number may be
@@ -227,7 +224,7 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
     kept, _, _ = last.rpartition("\t")
     if len(split_cells(kept)) < 2 or "\t" not in kept:
         return lines[:-1], (
-            Repair(
+            trial.Repair(
                 what="cut_row",
                 where=f"line {number}",
                 detail="the file breaks off here; the row was dropped",
@@ -236,13 +233,13 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
         )
     detail = "the file breaks off here; the last number was not used"
     return [*lines[:-1], (number, kept)], (
-        Repair(what="cut_row", where=f"line {number}", detail=detail, frames=1),
+        trial.Repair(what="cut_row", where=f"line {number}", detail=detail, frames=1),
     )
 
 
 def separate_duplicates(
     labels: Sequence[str], markers: Array, descriptions: Sequence[str] = ()
-) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
+) -> tuple[tuple[str, ...], tuple[trial.Repair, ...]]:
     """Labels of which each stands once, and what was decided.
 
     ``markers`` (n_frames, n_markers, 3): NaN where not seen. Of two points of one name the first that is ever
@@ -265,7 +262,7 @@ def separate_duplicates(
             f"{len(others) + 1} points have this name; called {', '.join(names[k] for k in others)} from "
         )
         detail += f"the second on{shown}"
-        repairs.append(Repair(what="duplicate", where=label, detail=detail))
+        repairs.append(trial.Repair(what="duplicate", where=label, detail=detail))
     return tuple(names), tuple(repairs)
 
 
@@ -278,7 +275,7 @@ def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, 
     first: dict[str, int] = {}
     for name, column in zip(names, columns, strict=True):
         if name in first:
-            raise FileUnreadable(
+            raise errors.FileUnreadable(
                 f"two {kind}s are called '{name}': in columns {first[name]} and {column}",
                 file=path,
                 field=name,
@@ -303,7 +300,7 @@ def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) ->
         row = int(np.argmax(bad)) + 1
         problem = f"has time {times[row]:g} s, not later than {times[row - 1]:g} s before it"
     place = f"line {lines[row]}" if lines is not None else f"row {row + 1}"
-    raise TrialUnusable(
+    raise errors.TrialUnusable(
         f"{place} {problem}",
         file=path,
         field="time",
@@ -311,7 +308,7 @@ def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) ->
     )
 
 
-def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple[Repair, ...]]:
+def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple[trial.Repair, ...]]:
     """Mark as missing what cannot be a position.
 
     ``markers``: (n_frames, n_markers, 3), m. Returns ``markers`` (n_frames, n_markers, 3), m: all three
@@ -325,9 +322,11 @@ def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple
     far: Flags = np.any(np.abs(np.where(known, markers, 0.0)) > FARTHEST_M, axis=-1) & ~partial
     missing = "a coordinate is missing, so the marker was taken as not seen"
     repairs = (
-        *repair_each(zero, labels, "lost_marker", "exactly (0, 0, 0) was taken as not seen"),
-        *repair_each(partial, labels, "partial_position", missing),
-        *repair_each(far, labels, "impossible_position", "farther than 1000 km away, taken as not seen"),
+        *trial.repair_each(zero, labels, "lost_marker", "exactly (0, 0, 0) was taken as not seen"),
+        *trial.repair_each(partial, labels, "partial_position", missing),
+        *trial.repair_each(
+            far, labels, "impossible_position", "farther than 1000 km away, taken as not seen"
+        ),
     )
     unusable = zero | far | ~whole
     return np.where(unusable[..., None], np.nan, markers), repairs

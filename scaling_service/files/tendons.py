@@ -20,10 +20,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.courses import Bend, Poses, Site, Tendon, Tendons, find_nearest, pose_model
+from scaling_service.files import courses
 from scaling_service.files.polynomials import QUARTIC
 from scaling_service.files.via_points import make_via
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term, Vector, to_vector
+from scaling_service.model import body
 from scaling_service.model.muscles import Contact, Muscle, Musculature, WrapSurface
 
 _AWAY = 2.0
@@ -34,36 +34,36 @@ _TURNS = 37  # of half a turn to each side; chosen: steps of 5 degrees
 _LEAST_CONTACTS = 3  # poses from which a surface's course is taken
 
 
-def plan_tendons(model: BodyModel, muscles: Musculature) -> Tendons:
+def plan_tendons(model: body.BodyModel, muscles: Musculature) -> courses.Tendons:
     """The courses of all muscles.
 
     ``model``: what the muscles belong to, without parameters.
     """
-    poses = pose_model(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
+    poses = courses.pose_model(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
     surfaces = {surface.name: surface for surface in muscles.surfaces}
     tendons, movers, untouched = [], list(muscles.movers), []
     for k, muscle in enumerate(muscles.muscles):
         contacts = [pose[k] for pose in muscles.contacts]
         course, added, changed = _plan(muscle, contacts, surfaces, poses)
-        tendons.append(Tendon(muscle, course, changed))
+        tendons.append(courses.Tendon(muscle, course, changed))
         movers += added
         touched = {contact.surface for pose in contacts for contact in pose}
         untouched += [f"{muscle.name} on {name}" for name in muscle.surfaces if name not in touched]
-    return Tendons(tuple(tendons), tuple(movers), tuple(untouched))
+    return courses.Tendons(tuple(tendons), tuple(movers), tuple(untouched))
 
 
 def _plan(
     muscle: Muscle,
     contacts: Sequence[Sequence[Contact]],
     surfaces: Mapping[str, WrapSurface],
-    poses: Poses,
-) -> tuple[tuple[Site | Bend, ...], list[Segment], tuple[str, ...]]:
-    course: list[Site | Bend] = []
-    movers: list[Segment] = []
+    poses: courses.Poses,
+) -> tuple[tuple[courses.Site | courses.Bend, ...], list[body.Segment], tuple[str, ...]]:
+    course: list[courses.Site | courses.Bend] = []
+    movers: list[body.Segment] = []
     changed: list[str] = []
     for number, point in enumerate(muscle.points):
-        gap = _order_surfaces(contacts, number)
-        free = course and isinstance(course[-1], Site) and number + 1 < len(muscle.points) and not gap
+        gap = order_surfaces(contacts, number)
+        free = course and isinstance(course[-1], courses.Site) and number + 1 < len(muscle.points) and not gap
         via = make_via(muscle, number, poses.model) if point.coordinate is not None and free else None
         if via is not None:
             course.append(via[0])
@@ -73,7 +73,7 @@ def _plan(
                 " line to its other side"
             )
         else:
-            course.append(Site(point.name, point.segment, point.at))
+            course.append(courses.Site(point.name, point.segment, point.at))
             if point.coordinate is not None:
                 changed.append(f"{point.name} is passed whatever {point.coordinate}")
         for k, name in enumerate(gap):
@@ -83,14 +83,18 @@ def _plan(
                 movers += own
                 changed.append(f"{site.name} stands between {gap[k - 1]} and {name}")
             surface, said = _simplify(muscle, surfaces[name], contacts)
-            course.append(Bend(surface, _make_side(muscle, number, surface, contacts, poses)))
+            course.append(courses.Bend(surface, _make_side(muscle, number, surface, contacts, poses)))
             changed += said
     return tuple(course), movers, tuple(changed)
 
 
 def _make_side(
-    muscle: Muscle, number: int, surface: WrapSurface, contacts: Sequence[Sequence[Contact]], poses: Poses
-) -> Site | None:
+    muscle: Muscle,
+    number: int,
+    surface: WrapSurface,
+    contacts: Sequence[Sequence[Contact]],
+    poses: courses.Poses,
+) -> courses.Site | None:
     """The side site of a surface that is passed on one side, where it makes MuJoCo do what OpenSim does.
 
     MuJoCo bends a path that meets the surface, or whose straight line runs on the other side than the site,
@@ -112,7 +116,9 @@ def _make_side(
                 if contact.after == number and contact.surface in (surface.name, surface.of):
                     touches[k] = (np.array(contact.middle) - surface.origin) @ axes
         side[:2] = _choose_side(start[:, :2], stop[:, :2], touches[:, :2], surface.sizes[0], side[:2])
-    return Site(name, surface.segment, to_vector(surface.origin + axes @ side * _AWAY * surface.sizes[0]))
+    return courses.Site(
+        name, surface.segment, body.to_vector(surface.origin + axes @ side * _AWAY * surface.sizes[0])
+    )
 
 
 def _choose_side(start: Array, stop: Array, touches: Array, radius: float, side: Array) -> Array:
@@ -121,7 +127,7 @@ def _choose_side(start: Array, stop: Array, touches: Array, radius: float, side:
     ``start``, ``stop``, ``touches`` ((n_poses, 2), m, about the cylinder's axis): the path's points before
     and after, and where it touches; NaN where it does not.
     """
-    nearest = find_nearest(np.zeros(2), start, stop)
+    nearest = courses.find_nearest(np.zeros(2), start, stop)
     meets = np.linalg.norm(nearest, axis=1) < radius
     across = (stop - start)[:, ::-1] * (-1.0, 1.0)
     across = across * np.sign(np.sum(across * touches, axis=1))[:, None]
@@ -140,7 +146,7 @@ def _choose_side(start: Array, stop: Array, touches: Array, radius: float, side:
     return min(tried, key=count_wrong)
 
 
-def _order_surfaces(contacts: Sequence[Sequence[Contact]], number: int) -> list[str]:
+def order_surfaces(contacts: Sequence[Sequence[Contact]], number: int) -> list[str]:
     """The surfaces that are touched after a path point in any pose, in the order of the path."""
     places: dict[str, list[int]] = {}
     for pose in contacts:
@@ -157,8 +163,8 @@ def _place_between(
     names: tuple[str, str],
     contacts: Sequence[Sequence[Contact]],
     surfaces: Mapping[str, WrapSurface],
-    poses: Poses,
-) -> tuple[Site, list[Segment]]:
+    poses: courses.Poses,
+) -> tuple[courses.Site, list[body.Segment]]:
     """A site at the middle of the free stretch between two surfaces, in the segment where it moves least."""
     ends = [muscle.points[number], muscle.points[number + 1]]
     firm = [poses.to_ground(end.segment, end.at) for end in ends]
@@ -168,7 +174,7 @@ def _place_between(
     stop = np.where(known[1][:, None], touch[1][0], firm[1])
     for k, name in enumerate(names):  # where a surface is left, the place on the line that is nearest to it
         middle = poses.to_ground(surfaces[name].segment, surfaces[name].origin)
-        nearest = find_nearest(middle, start, stop)
+        nearest = courses.find_nearest(middle, start, stop)
         if k == 0:
             start = np.where(known[0][:, None], start, nearest)
         else:
@@ -181,17 +187,18 @@ def _place_between(
     )
     _, segment, at, laws = best
     if laws is None:
-        return Site(name, segment, at), []
+        return courses.Site(name, segment, at), []
     joints = tuple(
-        Joint("translation", to_vector(axis), law) for axis, law in zip(np.eye(3), laws, strict=True)
+        body.Joint("translation", body.to_vector(axis), law)
+        for axis, law in zip(np.eye(3), laws, strict=True)
     )
-    return Site(name, name, (0.0, 0.0, 0.0)), [
-        Segment(name=name, parent=segment, joint_name=name, joints=joints)
+    return courses.Site(name, name, (0.0, 0.0, 0.0)), [
+        body.Segment(name=name, parent=segment, joint_name=name, joints=joints)
     ]
 
 
 def _find_touches(
-    name: str, number: int, contacts: Sequence[Sequence[Contact]], surface: WrapSurface, poses: Poses
+    name: str, number: int, contacts: Sequence[Sequence[Contact]], surface: WrapSurface, poses: courses.Poses
 ) -> tuple[Array, Array]:
     """First and last touch of a surface in ground, (n_poses, 3) each, m; NaN where there is none."""
     first, last = np.full((len(contacts), 3), np.nan), np.full((len(contacts), 3), np.nan)
@@ -202,12 +209,19 @@ def _find_touches(
     return poses.to_ground(surface.segment, first), poses.to_ground(surface.segment, last)
 
 
-def _follow(poses: Poses, segment: str, points: Array) -> tuple[float, str, Vector, tuple[Law, ...] | None]:
+def _follow(
+    poses: courses.Poses, segment: str, points: Array
+) -> tuple[float, str, body.Vector, tuple[body.Law, ...] | None]:
     """Points as a quartic of the one coordinate that explains them best: what is left, m, and the laws."""
     local = poses.to_segment(segment, points)
     middle = local.mean(axis=0)
     spread = float(np.sqrt(np.mean(np.sum((local - middle) ** 2, axis=1))))
-    best: tuple[float, str, Vector, tuple[Law, ...] | None] = (spread, segment, to_vector(middle), None)
+    best: tuple[float, str, body.Vector, tuple[body.Law, ...] | None] = (
+        spread,
+        segment,
+        body.to_vector(middle),
+        None,
+    )
     if spread < _STILL_M:
         return best
     for k, name in enumerate(poses.model.coordinate_names):
@@ -219,9 +233,9 @@ def _follow(poses: Poses, segment: str, points: Array) -> tuple[float, str, Vect
         rest = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
         if rest < best[0]:
             span = (float(x.min()), float(x.max()))
-            shapes = [Shape(span, (tuple(float(c) for c in own),)) for own in coefficients.T]
-            laws = tuple(Law((Term(1.0, coordinate=name, shape=shape),)) for shape in shapes)
-            best = (rest, segment, to_vector(middle), laws)
+            shapes = [body.Shape(span, (tuple(float(c) for c in own),)) for own in coefficients.T]
+            laws = tuple(body.Law((body.Term(1.0, coordinate=name, shape=shape),)) for shape in shapes)
+            best = (rest, segment, body.to_vector(middle), laws)
     return best
 
 
@@ -252,10 +266,10 @@ def _simplify(
         kind="cylinder",
         name=f"{surface.name}-{muscle.name}",
         of=surface.name,
-        origin=to_vector(origin),
-        axes=(to_vector(turn[0]), to_vector(turn[1]), to_vector(turn[2])),
+        origin=body.to_vector(origin),
+        axes=(body.to_vector(turn[0]), body.to_vector(turn[1]), body.to_vector(turn[2])),
         sizes=(radius, 2.0 * radius),
-        side=to_vector([*side[:2] / np.linalg.norm(side[:2]), 0.0]),
+        side=body.to_vector([*side[:2] / np.linalg.norm(side[:2]), 0.0]),
     )
     return cylinder, [
         f"{said} is a cylinder of {1e3 * radius:.1f} mm, off where it is touched by {1e3 * off:.2f} mm"

@@ -11,14 +11,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files import tables
-from scaling_service.files.recording import NOT_STATED, Recording
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
+from scaling_service.files import recording, tables
+from scaling_service.model.trial import Repair, Trial
 
 TIME_ROUNDING_S = 0.5e-3
 """Times are often written with three decimals; half of the last is the largest error of rounding."""
@@ -32,7 +28,7 @@ _KIND = "a TRC file"
 _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
 
 
-def read_trc(path: str | os.PathLike[str]) -> Recording:
+def read_trc(path: str | os.PathLike[str]) -> recording.Recording:
     """Read a TRC file.
 
     Returns positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
@@ -50,11 +46,11 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     )
     data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the file has a header but no frame", file=file, remedy="Record or export it again"
         )
     if cut and _read_positive(header.stated_frames) > len(data):
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"the file is cut off: its header counts {header.stated_frames} frames, and it breaks off in "
             f"line {body[-1][0]} after {len(data)}",
             file=file,
@@ -68,15 +64,22 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     times, positions, rate, clock = restore_clock(data[:, 1], positions, header.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
     labels, twice = tables.separate_duplicates(labels, positions)
-    counts = _check_counts(header, len(data))
-    return Recording(
+    counts = [
+        Repair(what="header", where=field, detail=f"the header says {stated}, the file holds {found}")
+        for field, stated, found in (
+            ("NumFrames", header.stated_frames, len(data)),
+            ("NumMarkers", header.stated_markers, len(header.columns)),
+        )
+        if _read_positive(stated) != found
+    ]
+    return recording.Recording(
         name=file.stem,
         times=times,
         labels=labels,
         markers=positions,
         rate_hz=rate,
         repairs=(*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost, *twice),
-        unit=header.unit or NOT_STATED,
+        unit=header.unit or recording.NOT_STATED,
     )
 
 
@@ -95,8 +98,15 @@ class _Header:
 def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     first = next(text for _, text in lines if text.strip())
     if not first.strip().lower().startswith("pathfiletype"):
-        raise FileUnreadable(
-            _explain_else(lines),
+        words = " ".join(text for _, text in lines[:40]).lower()
+        if "endheader" in words:
+            other = "an OpenSim table (MOT or STO), not a TRC file"
+        elif "<opensimdocument" in words or words.lstrip().startswith("<?xml"):
+            other = "an XML file, not a TRC file"
+        else:
+            other = "not a TRC file"
+        raise errors.FileUnreadable(
+            f"this is {other}",
             file=file,
             field="line 1",
             remedy="A TRC file begins with the word PathFileType",
@@ -123,15 +133,6 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     )
 
 
-def _explain_else(lines: list[tables.Line]) -> str:
-    words = " ".join(text for _, text in lines[:40]).lower()
-    if "endheader" in words:
-        return "this is an OpenSim table (MOT or STO), not a TRC file"
-    if "<opensimdocument" in words or words.lstrip().startswith("<?xml"):
-        return "this is an XML file, not a TRC file"
-    return "this is not a TRC file"
-
-
 def _find(lines: list[tables.Line], word: str, file: Path) -> int:
     for k, (_, text) in enumerate(lines[:20]):
         if text.strip().lower().startswith(word):
@@ -141,8 +142,10 @@ def _find(lines: list[tables.Line], word: str, file: Path) -> int:
     )
 
 
-def _report_truncated(file: Path, what: str) -> FileUnreadable:
-    return FileUnreadable(f"the header is truncated: {what} is missing", file=file, remedy="Export it again")
+def _report_truncated(file: Path, what: str) -> errors.FileUnreadable:
+    return errors.FileUnreadable(
+        f"the header is truncated: {what} is missing", file=file, remedy="Export it again"
+    )
 
 
 def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
@@ -155,7 +158,7 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
             Repair(what="header", where="Units", detail=f"unit {elsewhere[0]} found out of its column"),
         )
     if unit and not re.fullmatch(r"[-+.\d]+", unit):
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"unit '{unit[:20]}' is not known",
             file=file,
             field="Units",
@@ -174,7 +177,7 @@ def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, 
         raise _report_truncated(file, "the column Time")
     found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
     if not found:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "the file names no marker", file=file, field="Frame#", remedy="Export labelled markers"
         )
     spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
@@ -230,18 +233,6 @@ def _skip_axes(lines: list[tables.Line], start: int) -> tuple[int, tuple[Repair,
     return k, tuple(repairs)
 
 
-def _check_counts(header: _Header, rows: int) -> tuple[Repair, ...]:
-    columns = len(header.columns)
-    return tuple(
-        Repair(what="header", where=field, detail=f"the header says {stated}, the file holds {found}")
-        for field, stated, found in (
-            ("NumFrames", header.stated_frames, rows),
-            ("NumMarkers", header.stated_markers, columns),
-        )
-        if _read_positive(stated) != found
-    )
-
-
 def _read_positive(text: str) -> float:
     try:
         value = float(text.replace(",", "."))
@@ -259,7 +250,7 @@ def restore_clock(
     """
     if len(times) == 1:
         if not np.isfinite(stated_hz):
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 "one frame and no frame rate", file=file, field="DataRate", remedy="State the rate"
             )
         return times, positions, stated_hz, ()
@@ -268,7 +259,11 @@ def restore_clock(
     frame = _number_frames(times, stated_hz)
     rate, repairs = stated_hz, list(counted)
     if frame is None:
-        frame, rate = _measure_clock(times, measured_hz)
+        # From the times alone: by their span, then (if frames are absent) by the median step
+        for rate in ((len(times) - 1) / float(times[-1] - times[0]), measured_hz):
+            frame = _number_frames(times, rate)
+            if frame is not None:
+                break
         note = (
             "no usable rate is stated"
             if not np.isfinite(stated_hz)
@@ -341,16 +336,6 @@ def _number_frames(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
     return numbers
 
 
-def _measure_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | None, float]:
-    """Frames and rate from the times alone: by their span, then (if frames are absent) by the median step."""
-    span_hz = (len(times) - 1) / float(times[-1] - times[0])
-    for rate in (span_hz, median_hz):
-        frame = _number_frames(times, rate)
-        if frame is not None:
-            return frame, rate
-    return None, median_hz
-
-
 def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "m"] = "mm") -> None:
     """Write a TRC file that strict readers accept.
 
@@ -361,14 +346,14 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     """
     for label in trial.labels:
         if not label.strip() or label != label.strip() or re.search(r"[\t\r\n]", label):
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"marker label {label!r} cannot be written to a TRC file",
                 file=path if isinstance(path, str | Path) else None,
                 field=label,
                 remedy="Rename it",
             )
     if np.isinf(trial.markers).any():
-        raise TrialUnusable("a position is infinite", file=trial.name, remedy="Mark it as missing")
+        raise errors.TrialUnusable("a position is infinite", file=trial.name, remedy="Mark it as missing")
     decimals = 5 if units == "mm" else 8
     values = np.round(trial.markers / tables.METRES[units], decimals) + 0.0
     values[(values == 0).all(-1), 0] = 10.0**-decimals

@@ -12,10 +12,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.courses import Bend, Site, find_nearest, pose_model
+from scaling_service.files import courses
 from scaling_service.files.polynomials import QUARTIC
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term, to_vector
-from scaling_service.model.muscles import Muscle, PathPoint, WrapSurface
+from scaling_service.model import body, muscles
 from scaling_service.model.poses import sweep_coordinates
 
 _VIA_M = 1e-6  # radius of a sphere that stands for a point; chosen: a thousandth of what is asked of lengths
@@ -27,7 +26,9 @@ only the sign counts."""
 _STEPS = 721  # of a coordinate's range, in which sides are looked for; chosen: a degree or less
 
 
-def make_via(muscle: Muscle, number: int, model: BodyModel) -> tuple[Bend, Segment] | None:
+def make_via(
+    muscle: muscles.Muscle, number: int, model: body.BodyModel
+) -> tuple[courses.Bend, body.Segment] | None:
     """A sphere at a point of a path and, in a segment of its own, the moving side site.
 
     ``model``: without parameters. None: no quartic of the point's coordinate changes sides as the path does.
@@ -56,10 +57,10 @@ def make_via(muscle: Muscle, number: int, model: BodyModel) -> tuple[Bend, Segme
                 own.append(_make_term(name, values, size * flat))
     name = f"side of {point.name}"
     joints = tuple(
-        Joint("translation", to_vector(axis), Law.constant(place) + Law(tuple(own)))
+        body.Joint("translation", body.to_vector(axis), body.Law.constant(place) + body.Law(tuple(own)))
         for axis, place, own in zip(np.eye(3), point.at, terms, strict=True)
     )
-    ball = WrapSurface(
+    ball = muscles.WrapSurface(
         name=point.name,
         kind="sphere",
         segment=point.segment,
@@ -67,29 +68,29 @@ def make_via(muscle: Muscle, number: int, model: BodyModel) -> tuple[Bend, Segme
         axes=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
         sizes=(_VIA_M,),
     )
-    mover = Segment(name=name, parent=point.segment, joint_name=name, joints=joints)
-    return Bend(ball, Site(name, name, (0.0, 0.0, 0.0))), mover
+    mover = body.Segment(name=name, parent=point.segment, joint_name=name, joints=joints)
+    return courses.Bend(ball, courses.Site(name, name, (0.0, 0.0, 0.0))), mover
 
 
-def _make_term(coordinate: str, x: Array, polynomial: Array) -> Term:
+def _make_term(coordinate: str, x: Array, polynomial: Array) -> body.Term:
     """A polynomial, highest power first, of a coordinate less the lowest of its values."""
-    shape = Shape((float(x[0]), float(x[-1])), (tuple(float(c) for c in polynomial),))
-    return Term(1.0, coordinate=coordinate, shape=shape)
+    shape = body.Shape((float(x[0]), float(x[-1])), (tuple(float(c) for c in polynomial),))
+    return body.Term(1.0, coordinate=coordinate, shape=shape)
 
 
-def _find_sides(muscle: Muscle, number: int, model: BodyModel, q: Array) -> tuple[Array, Array]:
+def _find_sides(muscle: muscles.Muscle, number: int, model: body.BodyModel, q: Array) -> tuple[Array, Array]:
     """Unit vectors in a point's segment, (n_poses, 3): away from the line, and from it beyond its ends.
 
     MuJoCo bends the path if the side site lies along the first, and takes the turn along the second.
     """
-    point, poses = muscle.points[number], pose_model(model, q)
+    point, poses = muscle.points[number], courses.pose_model(model, q)
     at = np.array(point.at)
     before, after = (
         poses.to_segment(point.segment, poses.to_ground(other.segment, other.at))
         for other in (_find_firm(muscle.points[number - 1 :: -1]), _find_firm(muscle.points[number + 1 :]))
     )
-    away = _normalise(at - find_nearest(at, before, after))
-    return away, _normalise(at - find_nearest(at, before, after, beyond=True))
+    away = _normalise(at - courses.find_nearest(at, before, after))
+    return away, _normalise(at - courses.find_nearest(at, before, after, beyond=True))
 
 
 def _fit_sides(x: Array, wanted: Array, ends: tuple[float, float]) -> list[Array] | None:
@@ -145,6 +146,6 @@ def _normalise(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), _VIA_M))
 
 
-def _find_firm(points: Sequence[PathPoint]) -> PathPoint:
+def _find_firm(points: Sequence[muscles.PathPoint]) -> muscles.PathPoint:
     """The first point that is always passed, or the last there is."""
     return next((point for point in points if point.coordinate is None), points[-1])

@@ -103,21 +103,25 @@ def _describe(name: str) -> str:
     node = _find(module, name)
     if isinstance(node, ast.FunctionDef):
         returns = f" -> {ast.unparse(node.returns)}" if node.returns else ""
-        arguments = [*_list_arguments(node.args)]
+        # Each as it is written, with `*` before those by keyword only
+        own = node.args
+        defaults = [None] * (len(own.args) - len(own.defaults)) + list(own.defaults)
+        arguments = [*map(_format_argument, own.args, defaults), *(["*"] if own.kwonlyargs else [])]
+        arguments += map(_format_argument, own.kwonlyargs, own.kw_defaults)
         signature = f"{name}(\n{''.join(f'    {argument},{chr(10)}' for argument in arguments)}){returns}"
-        parts = _translate(ast.get_docstring(node))
+        parts = [*_translate(ast.get_docstring(node))]
     else:
-        signature, parts = f"class {name}", _describe_class(module, node)
+        # The docstring; the fields that describe themselves, inherited ones first; and what it offers
+        signature = f"class {name}"
+        before, mark, examples = (ast.get_docstring(node) or "").partition("\nExamples\n")
+        parts = [*_translate(before)]
+        if fields := "\n".join(_list_fields(module, node)):
+            parts.append(f"**Fields**\n\n{fields}")
+        offered = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name[0] != "_"]
+        if offered:
+            parts.append("**Offers**\n\n" + "\n".join(map(_describe_method, offered)))
+        parts += _translate(f"Examples\n{examples}" if mark else "")
     return "\n\n".join([f"## {name}", f"```\n{signature}\n```", *parts])
-
-
-def _list_arguments(arguments: ast.arguments) -> Iterator[str]:
-    """Each as it is written, with ``*`` before those by keyword only."""
-    defaults = [None] * (len(arguments.args) - len(arguments.defaults)) + list(arguments.defaults)
-    yield from map(_format_argument, arguments.args, defaults)
-    if arguments.kwonlyargs:
-        yield "*"
-    yield from map(_format_argument, arguments.kwonlyargs, arguments.kw_defaults)
 
 
 def _format_argument(argument: ast.arg, default: ast.expr | None) -> str:
@@ -138,19 +142,6 @@ def _parse(module: str) -> ast.Module:
     if spec is None or spec.origin is None:
         raise ImportError(module)
     return ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-
-
-def _describe_class(module: str, node: ast.ClassDef) -> Iterator[str]:
-    """The docstring; the fields that describe themselves, inherited ones first; and what it offers."""
-    docstring = ast.get_docstring(node) or ""
-    before, mark, examples = docstring.partition("\nExamples\n")
-    yield from _translate(before)
-    if fields := "\n".join(_list_fields(module, node)):
-        yield f"**Fields**\n\n{fields}"
-    offered = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name[0] != "_"]
-    if offered:
-        yield "**Offers**\n\n" + "\n".join(map(_describe_method, offered))
-    yield from _translate(f"Examples\n{examples}" if mark else "")
 
 
 def _list_fields(module: str, node: ast.ClassDef) -> Iterator[str]:
@@ -199,14 +190,12 @@ def _translate(docstring: str | None) -> Iterator[str]:
         elif title == "Notes":
             yield _format_inline(body).strip()
         else:
-            entries = "\n".join(_format_entry(*found) for found in _ENTRY.findall(body))
-            yield f"**{title}**\n\n{entries}"
-
-
-def _format_entry(head: str, body: str) -> str:
-    name, _, kind = head.partition(" : ")
-    said = " ".join(dedent(body).split())
-    return f"- `{name}`{f' ({kind})' if kind else ''}: {_format_inline(said)}"
+            entries = []
+            for head, said in _ENTRY.findall(body):
+                name, _, kind = head.partition(" : ")
+                text = _format_inline(" ".join(dedent(said).split()))
+                entries.append(f"- `{name}`{f' ({kind})' if kind else ''}: {text}")
+            yield "\n".join([f"**{title}**", "", *entries])
 
 
 def _format_inline(text: str) -> str:
@@ -311,7 +300,26 @@ def make_slug(title: str) -> str:
 @cache
 def list_sections() -> tuple[Section, ...]:
     """All sections of all pages."""
-    return tuple(section for name in list_pages() for section in _split(name))
+    found = []
+    for name in list_pages():
+        page_title, title, anchor, heading = read_title(name), "", "", False
+        text: list[str] = []
+        for token in (*parse(name), Token("heading_open", "h1", 1)):
+            if token.type == "heading_open":
+                if title:
+                    said = " ".join(text)
+                    found.append(
+                        Section(page=name, page_title=page_title, anchor=anchor, title=title, text=said)
+                    )
+                heading, text = True, []
+                anchor = "" if token.tag == "h1" else str(token.attrGet("id"))
+            elif token.type in ("inline", "fence", "code_block"):
+                if heading:
+                    title, heading = token.content, False
+                else:
+                    parts = [child.content or " " for child in token.children or ()]
+                    text.append(token.content if token.children is None else "".join(parts))
+    return tuple(found)
 
 
 def read_title(name: str) -> str:
@@ -320,33 +328,6 @@ def read_title(name: str) -> str:
         return render_notebook(name).partition("\n")[0].removeprefix("# ")
     with (FOLDER / f"{name}.md").open(encoding="utf-8") as page:
         return page.readline().removeprefix("# ").rstrip()
-
-
-def _split(name: str) -> Iterator[Section]:
-    page_title, title, anchor = read_title(name), "", ""
-    text: list[str] = []
-    heading = False
-    for token in parse(name):
-        if token.type == "heading_open":
-            if title:
-                yield Section(
-                    page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text)
-                )
-            heading, text = True, []
-            anchor = "" if token.tag == "h1" else str(token.attrGet("id"))
-        elif token.type in ("inline", "fence", "code_block"):
-            if heading:
-                title, heading = token.content, False
-            else:
-                text.append(_strip_marks(token))
-    yield Section(page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text))
-
-
-def _strip_marks(token: Token) -> str:
-    """The words of a block, without its marks."""
-    if token.children is None:
-        return token.content
-    return "".join(child.content or " " for child in token.children)
 
 
 def search(words: str) -> list[Section]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
 from html import escape
@@ -52,17 +52,33 @@ def write_site(folder: Path) -> list[str]:
 
 def _render_page(name: str) -> str:
     tokens = parse(name)
+    framed: list[Token] = []
     for token in tokens:
+        # Other pages are `.md` files where they are written and `.html` here.
         for child in token.children or ():
             if child.type == "link_open":
-                child.attrSet("href", _rewrite_address(str(child.attrGet("href"))))
-    body = MarkdownIt("commonmark").enable("table").renderer.render(_in_frames(tokens), _OPTIONS, {})
+                page, mark, anchor = str(child.attrGet("href")).partition("#")
+                if page.endswith(".md"):
+                    child.attrSet("href", f"{page.removesuffix('.md')}.html{mark}{anchor}")
+        # A table stands in a frame of its own, which scrolls where the screen is narrow.
+        if token.type == "table_open":
+            framed.append(Token("html_block", "", 0, content='<div class="table">'))
+        framed.append(token)
+        if token.type == "table_close":
+            framed.append(Token("html_block", "", 0, content="</div>"))
+    body = MarkdownIt("commonmark").enable("table").renderer.render(framed, _OPTIONS, {})
     at = list_pages().index(name)
     around = [
         f'<a rel="{rel}" href="{list_pages()[k]}.html">{escape(read_title(list_pages()[k]))}</a>'
         for rel, k in (("prev", at - 1), ("next", at + 1))
         if 0 <= k < len(list_pages())
     ]
+    parts = []
+    for part, pages in PARTS.items():
+        here = {page: ' aria-current="page"' if page == name else "" for page in pages}
+        links = (f'<a href="{page}.html"{here[page]}>{escape(read_title(page))}</a>' for page in pages)
+        parts.append(f"<h2>{escape(part)}</h2><ul>{''.join(f'<li>{link}</li>' for link in links)}</ul>")
+    contents = f"<details open><summary>Contents</summary>{''.join(parts)}</details>"
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -72,39 +88,7 @@ def _render_page(name: str) -> str:
         '<script src="sections.js" defer></script><script src="guide.js" defer></script>'
         '<a class="skip" href="#page">To the text</a>'
         f'<header><a class="brand" href="index.html">scaling-service guide</a>{_SEARCH}</header>'
-        f'<div class="columns">{_render_contents(name)}<main id="page">'
+        f'<div class="columns"><nav id="contents" aria-label="Contents">{contents}</nav><main id="page">'
         f'<ol id="found" hidden></ol><article>{body}</article>'
         f'<nav class="around" aria-label="Pages before and after">{"".join(around)}</nav></main></div></html>'
     )
-
-
-def _rewrite_address(href: str) -> str:
-    """Of a link: other pages are ``.md`` files where they are written and ``.html`` here."""
-    page, mark, anchor = href.partition("#")
-    return f"{page.removesuffix('.md')}.html{mark}{anchor}" if page.endswith(".md") else href
-
-
-def _in_frames(tokens: Sequence[Token]) -> list[Token]:
-    """Every table in a frame of its own, which scrolls where the screen is narrow."""
-    framed: list[Token] = []
-    for token in tokens:
-        if token.type == "table_open":
-            framed.append(Token("html_block", "", 0, content='<div class="table">'))
-        framed.append(token)
-        if token.type == "table_close":
-            framed.append(Token("html_block", "", 0, content="</div>"))
-    return framed
-
-
-def _render_contents(current: str) -> str:
-    parts = "".join(
-        f"<h2>{escape(part)}</h2><ul>{''.join(_render_entry(name, current) for name in pages)}</ul>"
-        for part, pages in PARTS.items()
-    )
-    inside = f"<details open><summary>Contents</summary>{parts}</details>"
-    return f'<nav id="contents" aria-label="Contents">{inside}</nav>'
-
-
-def _render_entry(name: str, current: str) -> str:
-    here = ' aria-current="page"' if name == current else ""
-    return f'<li><a href="{name}.html"{here}>{escape(read_title(name))}</a></li>'

@@ -15,21 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.core.notes import Note
-from scaling_service.model.body import (
-    GROUND,
-    BodyModel,
-    Coordinate,
-    Joint,
-    Law,
-    Marker,
-    Segment,
-    Tensor,
-    Vector,
-    to_tensor,
-    to_vector,
-)
+from scaling_service.model import body, reference
 from scaling_service.model.inertia import read_inertia_table
-from scaling_service.model.reference import find_reference_folder, read_reference
 
 BUILTIN_NAMES: tuple[str, ...] = (
     "lower_limb_14dof",
@@ -43,14 +30,14 @@ _STIFF = 0.1
 """Weight of markers on what is taken as one rigid part with its neighbour. Chosen: a trunk bends by three
 times what skin slides on the pelvis."""
 
-_AXES: dict[str, Vector] = {
+_AXES: dict[str, body.Vector] = {
     sign + name: (factor * x, factor * y, factor * z)
     for sign, factor in (("", 1.0), ("-", -1.0))
     for name, (x, y, z) in {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}.items()
 }
 
 
-def load_builtin(name: str) -> BodyModel:
+def load_builtin(name: str) -> body.BodyModel:
     """A built-in generic model.
 
     ``name``: one of ``BUILTIN_NAMES``.
@@ -69,7 +56,9 @@ def load_generic_person(name: str) -> GenericPerson:
     return _load(name)[1]
 
 
-def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyModel, tuple[Note, ...]]:
+def lock_unmarked(
+    model: body.BodyModel, placed: Mapping[str, str]
+) -> tuple[body.BodyModel, tuple[Note, ...]]:
     """A built-in model without the freedoms that only a marker on some segment would show.
 
     What then moves as one with its parent is less rigid than a segment: its markers count less.
@@ -96,7 +85,7 @@ class _Need(NamedTuple):
     marked: str
 
 
-def list_unmarked(model: BodyModel) -> frozenset[str]:
+def list_unmarked(model: body.BodyModel) -> frozenset[str]:
     """The coordinates that :func:`lock_unmarked` locked: no marker shows them, their value tells nothing."""
     needs = _list_needs(model.name) if model.name in BUILTIN_NAMES else {}
     return frozenset(c.name for c in model.coordinates if c.locked and c.name in needs)
@@ -105,7 +94,7 @@ def list_unmarked(model: BodyModel) -> frozenset[str]:
 @lru_cache(maxsize=16)
 def _list_needs(name: str) -> Mapping[str, _Need]:
     """Coordinate to its need, of freedoms that only a marker on some segment would show."""
-    document = read_reference(find_reference_folder() / f"{name}.yaml")
+    document = reference.read_reference(reference.find_reference_folder() / f"{name}.yaml")
     return {
         move["coordinate"]: _Need(segment["name"], move["free_if_marked"])
         for segment in document["segments"]
@@ -115,14 +104,14 @@ def _list_needs(name: str) -> Mapping[str, _Need]:
 
 
 @lru_cache(maxsize=16)
-def _load(name: str) -> tuple[BodyModel, GenericPerson]:
+def _load(name: str) -> tuple[body.BodyModel, GenericPerson]:
     if name not in BUILTIN_NAMES:
         raise InputError(
             f"there is no built-in model '{name}'",
             field="model",
             remedy=f"Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file",
         )
-    document = read_reference(find_reference_folder() / f"{name}.yaml")
+    document = reference.read_reference(reference.find_reference_folder() / f"{name}.yaml")
     base = document.get("extends")
     return expand(document, file=f"{name}.yaml", base=_load(base) if base else None)
 
@@ -149,7 +138,7 @@ class _Person(GenericPerson):
 
 
 class _Centre(_Entry):
-    at: Vector
+    at: body.Vector
     source: str
 
 
@@ -170,13 +159,13 @@ class _Inertia(_Entry):
     """Percentages, written down or of a row of a published table, of a length from an origin."""
 
     length: float
-    origin: Vector = Field(default=(0.0, 0.0, 0.0), alias="from")
+    origin: body.Vector = Field(default=(0.0, 0.0, 0.0), alias="from")
     table: str | None = None
     row: str = ""
     mass_pct: float = 0.0
-    com_pct: Vector = (0.0, 0.0, 0.0)
-    radii_pct: Vector = (0.0, 0.0, 0.0)
-    products_pct: Vector = (0.0, 0.0, 0.0)
+    com_pct: body.Vector = (0.0, 0.0, 0.0)
+    radii_pct: body.Vector = (0.0, 0.0, 0.0)
+    products_pct: body.Vector = (0.0, 0.0, 0.0)
     source: str
 
 
@@ -193,7 +182,7 @@ class _Segment(_Entry):
 class _Marker(_Entry):
     name: str
     segment: str
-    at: Vector
+    at: body.Vector
     mirrored: bool = False
     tracking: bool = False
     source: str
@@ -210,8 +199,8 @@ class _Document(_Entry):
 
 
 def expand(
-    document: Mapping[str, Any], *, file: str, base: tuple[BodyModel, GenericPerson] | None = None
-) -> tuple[BodyModel, GenericPerson]:
+    document: Mapping[str, Any], *, file: str, base: tuple[body.BodyModel, GenericPerson] | None = None
+) -> tuple[body.BodyModel, GenericPerson]:
     """The body model that a compact document describes, and whom it depicts.
 
     Its keys: see ``reference_models/README.md``. Only the midline and the right side are written down:
@@ -230,18 +219,57 @@ def expand(
     segments = list(base[0].segments) if base else []
     coordinates = list(base[0].coordinates) if base else []
     markers = [m for m in base[0].markers if m.weight > 0.0] if base else []
-    left: list[Segment] = []
-    left_coordinates: list[Coordinate] = []
+    left: list[body.Segment] = []
+    left_coordinates: list[body.Coordinate] = []
     for entry in written.segments:
-        segment, moved = _make_segment(entry, person)
+        joints: list[body.Joint] = []
+        if entry.centre is not None:
+            # Zeros stay, so that a centre can be moved in place.
+            follows = None if entry.parent == body.GROUND else entry.parent
+            places = zip("XYZ", entry.centre.at, strict=True)
+            joints += [
+                body.Joint("translation", _AXES[axis], body.Law.constant(at), follows) for axis, at in places
+            ]
+        moved: list[body.Coordinate] = []
+        for move in entry.moves:
+            axis = _AXES[move.about or move.along or ""]
+            if move.angle_deg is not None:
+                joints.append(body.Joint("rotation", axis, body.Law.constant(math.radians(move.angle_deg))))
+                continue
+            kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
+            lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
+            joints.append(body.Joint(kind, axis, body.Law.of(move.coordinate)))
+            moved.append(
+                body.Coordinate(
+                    name=move.coordinate, kind=kind, default=move.default_m, lower=lower, upper=upper
+                )
+            )
+        mass, com, inertia = _make_inertia(entry.inertia, person)
+        segment = body.Segment(
+            name=entry.name,
+            parent=entry.parent,
+            joint_name=entry.joint,
+            joints=tuple(joints),
+            mass=mass,
+            com=com,
+            inertia=inertia,
+        )
         segments.append(segment)
         coordinates += moved
         if entry.mirrored:
             left.append(_mirror_segment(segment))
             left_coordinates += [replace(c, name=_mirror_name(c.name)) for c in moved]
     for entries, weight in ((written.markers, 1.0), (written.landmarks, 0.0)):
-        markers += [marker for entry in entries for marker in _make_markers(entry, weight)]
-    model = BodyModel(
+        for worn in entries:
+            anatomical = weight > 0.0 and not worn.tracking
+            markers.append(
+                body.Marker.at(worn.name, worn.segment, worn.at, weight=weight, anatomical=anatomical)
+            )
+            if worn.mirrored:
+                x, y, z = worn.at
+                name, owner = f"L{worn.name[1:]}", _mirror_name(worn.segment)
+                markers.append(body.Marker.at(name, owner, (x, y, -z), weight=weight, anatomical=anatomical))
+    model = body.BodyModel(
         name=written.name,
         segments=(*segments, *left),
         coordinates=(*coordinates, *left_coordinates),
@@ -251,39 +279,7 @@ def expand(
     return model, person
 
 
-def _make_segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coordinate]]:
-    joints: list[Joint] = []
-    if entry.centre is not None:
-        # Zeros stay, so that a centre can be moved in place.
-        follows = None if entry.parent == GROUND else entry.parent
-        places = zip("XYZ", entry.centre.at, strict=True)
-        joints += [Joint("translation", _AXES[axis], Law.constant(at), follows) for axis, at in places]
-    coordinates: list[Coordinate] = []
-    for move in entry.moves:
-        axis = _AXES[move.about or move.along or ""]
-        if move.angle_deg is not None:
-            joints.append(Joint("rotation", axis, Law.constant(math.radians(move.angle_deg))))
-            continue
-        kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
-        lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
-        joints.append(Joint(kind, axis, Law.of(move.coordinate)))
-        coordinates.append(
-            Coordinate(name=move.coordinate, kind=kind, default=move.default_m, lower=lower, upper=upper)
-        )
-    mass, com, inertia = _make_inertia(entry.inertia, person)
-    segment = Segment(
-        name=entry.name,
-        parent=entry.parent,
-        joint_name=entry.joint,
-        joints=tuple(joints),
-        mass=mass,
-        com=com,
-        inertia=inertia,
-    )
-    return segment, coordinates
-
-
-def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Tensor]:
+def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, body.Vector, body.Tensor]:
     """Mass, centre of mass and tensor from percentages.
 
     Tables give the mass in % of the body's, the centre of mass in % of a length L from an origin,
@@ -293,55 +289,40 @@ def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector
     mass_pct, com_pct, radii = entry.mass_pct, entry.com_pct, (*entry.radii_pct, *entry.products_pct)
     if entry.table is not None:
         row = read_inertia_table(entry.table).row(entry.row, person.sex)
-        mass_pct, com_pct = row.mass_pct, to_vector(row.com_pct or ())
-        radii = (*to_vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
+        mass_pct, com_pct = row.mass_pct, body.to_vector(row.com_pct or ())
+        radii = (*body.to_vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
     mass = person.mass_kg * mass_pct / 100.0
     com = tuple(o + entry.length * c / 100.0 for o, c in zip(entry.origin, com_pct, strict=True))
     moments = [math.copysign(mass * (r * entry.length / 100.0) ** 2, r) if r else 0.0 for r in radii]
-    return mass, to_vector(com), to_tensor(moments)
+    return mass, body.to_vector(com), body.to_tensor(moments)
 
 
-def _make_markers(entry: _Marker, weight: float) -> list[Marker]:
-    anatomical = weight > 0.0 and not entry.tracking
-    markers = [Marker.at(entry.name, entry.segment, entry.at, weight=weight, anatomical=anatomical)]
-    if entry.mirrored:
-        x, y, z = entry.at
-        name, segment = f"L{entry.name[1:]}", _mirror_name(entry.segment)
-        markers.append(Marker.at(name, segment, (x, y, -z), weight=weight, anatomical=anatomical))
-    return markers
-
-
-def _mirror_segment(segment: Segment) -> Segment:
+def _mirror_segment(segment: body.Segment) -> body.Segment:
+    joints = []
+    for joint in segment.joints:
+        # Seen in the sagittal plane's mirror, driven by the left coordinate of the same sign: a turn by
+        # reversing the x and y parts of its axis, a translation by reversing its value along z.
+        terms = [
+            replace(t, coordinate=_mirror_name(t.coordinate) if t.coordinate else None)
+            for t in joint.law.terms
+        ]
+        law, (x, y, z) = body.Law(tuple(terms)), joint.axis
+        scales_with = _mirror_name(joint.scales_with) if joint.scales_with else None
+        if joint.kind == "rotation":
+            joints.append(replace(joint, axis=(-x + 0.0, -y + 0.0, z), law=law, scales_with=scales_with))
+        else:
+            joints.append(replace(joint, law=law.scale(-1.0) if z else law, scales_with=scales_with))
     xx, yy, zz, xy, xz, yz = segment.inertia
     x, y, z = segment.com
-    return Segment(
+    return body.Segment(
         name=_mirror_name(segment.name),
         parent=_mirror_name(segment.parent),
         joint_name=_mirror_name(segment.joint_name),
-        joints=tuple(_mirror_joint(joint) for joint in segment.joints),
+        joints=tuple(joints),
         mass=segment.mass,
         com=(x, y, -z),
         inertia=(xx, yy, zz, xy, -xz, -yz),
     )
-
-
-def _mirror_joint(joint: Joint) -> Joint:
-    """The joint seen in the sagittal plane's mirror, driven by the left coordinate of the same sign.
-
-    A turn is mirrored by reversing the x and y parts of its axis; a translation by reversing its
-    value along z.
-    """
-    law = Law(
-        tuple(
-            replace(t, coordinate=_mirror_name(t.coordinate) if t.coordinate else None)
-            for t in joint.law.terms
-        )
-    )
-    scales_with = _mirror_name(joint.scales_with) if joint.scales_with else None
-    x, y, z = joint.axis
-    if joint.kind == "rotation":
-        return replace(joint, axis=(-x + 0.0, -y + 0.0, z), law=law, scales_with=scales_with)
-    return replace(joint, law=law.scale(-1.0) if z else law, scales_with=scales_with)
 
 
 def _mirror_name(name: str) -> str:

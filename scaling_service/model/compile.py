@@ -16,19 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import (
-    GROUND,
-    BodyModel,
-    Constraint,
-    Joint,
-    Law,
-    Marker,
-    Segment,
-    Shape,
-    Surface,
-    Term,
-)
-from scaling_service.numerics.multibody import surfaces
+from scaling_service.model import body
+from scaling_service.numerics.multibody import rigid, surfaces, tree
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import (
     NONE,
@@ -41,8 +30,6 @@ from scaling_service.numerics.multibody.laws import (
     TermArrays,
     Turn,
 )
-from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
-from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
 
@@ -54,13 +41,13 @@ _WELDED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
 class _Index:
     """Numbers for names, and for every distinct factor."""
 
-    def __init__(self, model: BodyModel) -> None:
+    def __init__(self, model: body.BodyModel) -> None:
         self.coordinates = {name: k for k, name in enumerate(model.coordinate_names)}
         self.parameters = {p.name: k for k, p in enumerate(model.parameters)}
-        self._factors: dict[tuple[tuple[str, ...], Shape | Surface | None], int] = {}
+        self._factors: dict[tuple[tuple[str, ...], body.Shape | body.Surface | None], int] = {}
         self.factors: list[Factor] = []
 
-    def factor(self, term: Term) -> int:
+    def factor(self, term: body.Term) -> int:
         """The number of a term's factor; locked coordinates stay coordinates."""
         if not term.coordinates:
             return NONE
@@ -75,7 +62,7 @@ class _Index:
             self.factors.append(Factor(tuple(self.coordinates[name] for name in term.coordinates), shape))
         return self._factors[key]
 
-    def terms(self, law: Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
+    def terms(self, law: body.Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
         """The constant and the varying terms of a law that acts along ``direction``."""
         varying = []
         for term in law.terms:
@@ -86,7 +73,7 @@ class _Index:
         return law.constant_part, tuple(varying)
 
 
-def to_piecewise(shape: Shape) -> Piecewise:
+def to_piecewise(shape: body.Shape) -> Piecewise:
     """A shape as arrays."""
     degree = max(len(piece) for piece in shape.coefficients)
     rows = np.zeros((degree, len(shape.coefficients)))
@@ -95,11 +82,11 @@ def to_piecewise(shape: Shape) -> Piecewise:
     return Piecewise(np.array(shape.breaks), rows)
 
 
-def _to_arrays(surface: Surface) -> surfaces.Surface:
+def _to_arrays(surface: body.Surface) -> surfaces.Surface:
     return surfaces.Surface(surface.kind, surface.numbers)
 
 
-def evaluate_law(law: Law, values: Mapping[str, Any]) -> Any:
+def evaluate_law(law: body.Law, values: Mapping[str, Any]) -> Any:
     """A law's value; ``values`` holds coordinates and parameters by name, numbers or arrays."""
     total: Any = 0.0
     for term in law.terms:
@@ -117,7 +104,7 @@ def evaluate_law(law: Law, values: Mapping[str, Any]) -> Any:
     return total
 
 
-def evaluate_law_at(law: Law, x: Array) -> Array:
+def evaluate_law_at(law: body.Law, x: Array) -> Array:
     """A law of one coordinate at all its values, (n_frames,).
 
     ValueError where it holds a parameter.
@@ -125,7 +112,7 @@ def evaluate_law_at(law: Law, x: Array) -> Array:
     return np.asarray(np.zeros_like(x) + evaluate_law(law, dict.fromkeys(_find_leaders(law), x)))
 
 
-def differentiate_law_at(law: Law, x: Array) -> Array:
+def differentiate_law_at(law: body.Law, x: Array) -> Array:
     """The slope of a law of one coordinate at all its values, (n_frames,); ValueError as above."""
     _find_leaders(law)
     slopes = np.zeros_like(x)
@@ -135,18 +122,18 @@ def differentiate_law_at(law: Law, x: Array) -> Array:
     return slopes
 
 
-def _find_leaders(law: Law) -> set[str]:
+def _find_leaders(law: body.Law) -> set[str]:
     if any(term.parameter is not None for term in law.terms):
         raise ValueError("a coordinate follows another one only")
     return law.coordinates
 
 
-def evaluate_shape(shape: Shape, x: ArrayLike) -> Array:
+def evaluate_shape(shape: body.Shape, x: ArrayLike) -> Array:
     """A piecewise polynomial, continued with its end slopes outside its breaks."""
     return to_piecewise(shape).evaluate(np.asarray(x, dtype=float))[0]
 
 
-def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tree:
+def compile_model(model: body.BodyModel, markers: Sequence[str] | None = None) -> tree.Tree:
     """Compile a model, with some or all of its markers in the order given.
 
     Segments that carry none of the markers are left out, for nothing seen depends on them. A model
@@ -161,7 +148,7 @@ def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tre
 class _Same:
     """A model that equals only itself: to compare all its numbers takes longer than a step of a solution."""
 
-    model: BodyModel
+    model: body.BodyModel
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Same) and self.model is other.model
@@ -171,19 +158,25 @@ class _Same:
 
 
 @lru_cache(maxsize=_KEPT)
-def _compile_cached(same: _Same, markers: tuple[str, ...]) -> Tree:
+def _compile_cached(same: _Same, markers: tuple[str, ...]) -> tree.Tree:
     model = same.model
     chosen = [model.marker(name) for name in markers]
     index = _Index(model)
-    kept = _list_carriers(model, {m.segment for m in chosen})
+    wanted = {m.segment for m in chosen}
+    needed = set(wanted)
+    for segment in reversed(model.segments):
+        if segment.name in needed:
+            needed.add(segment.parent)
+    kept = [s for s in model.segments if s.name in needed]
     number = {segment.name: k for k, segment in enumerate(kept)}
     links = tuple(
-        Link(NONE if s.parent == GROUND else number[s.parent], _list_moves(s.joints, index)) for s in kept
+        Link(NONE if s.parent == body.GROUND else number[s.parent], _list_moves(s.joints, index))
+        for s in kept
     )
     local = np.array([m.nominal for m in chosen]).reshape(-1, 3)
     terms = tuple(item for k, m in enumerate(chosen) for item in _list_marker_terms(k, m, index))
     on = np.array([number[m.segment] for m in chosen], dtype=np.intp)
-    return Tree(
+    return tree.Tree(
         links=links,
         factors=tuple(index.factors),
         n_coordinates=len(model.coordinates),
@@ -197,7 +190,7 @@ def _compile_cached(same: _Same, markers: tuple[str, ...]) -> Tree:
     )
 
 
-def compile_constraints(model: BodyModel) -> Closure | None:
+def compile_constraints(model: body.BodyModel) -> Closure | None:
     """What poses of a model must obey beside its joints; None if there is nothing."""
     if not model.constraints:
         return None
@@ -207,37 +200,44 @@ def compile_constraints(model: BodyModel) -> Closure | None:
 @lru_cache(maxsize=_KEPT)
 def _compile_constraints(same: _Same) -> Closure:
     model = same.model
-    points: list[Marker] = []
+    points: list[body.Marker] = []
     meeting, apart, level = (
         list[tuple[int, int]](),
         list[tuple[int, int, float]](),
         list[tuple[int, int, int]](),
     )
 
-    def add(segment: str, laws: tuple[Law, Law, Law]) -> int:
-        where = segment if segment != GROUND else _STILL
-        points.append(Marker(name=f"end {len(points)}", segment=where, laws=laws))
+    def add(segment: str, laws: tuple[body.Law, body.Law, body.Law]) -> int:
+        where = segment if segment != body.GROUND else _STILL
+        points.append(body.Marker(name=f"end {len(points)}", segment=where, laws=laws))
         return len(points) - 1
 
     for item in model.constraints:
         if item.kind == "law":
-            meeting.append((add(GROUND, (item.law, Law(), Law())), add(GROUND, (Law(), Law(), Law()))))
+            meeting.append(
+                (
+                    add(body.GROUND, (item.law, body.Law(), body.Law())),
+                    add(body.GROUND, (body.Law(), body.Law(), body.Law())),
+                )
+            )
             continue
         first, second = (add(end.segment, end.laws) for end in item.ends)
         if item.kind == "distance":
             apart.append((first, second, item.distance))
         elif item.kind == "line":
             start = item.ends[0]
-            level += [(second, first, add(start.segment, _move(start, tip))) for tip in _find_across(item)]
+            # Two unit vectors across a line, (2, 3)
+            across = np.linalg.svd(np.array([item.direction]))[2][1:]
+            level += [(second, first, add(start.segment, _move(start, tip))) for tip in across]
         else:
             meeting.append((first, second))
         if item.kind == "weld":
-            turns = [convert_vector_to_rotation(np.array(turn)) for turn in item.turns]
+            turns = [rigid.convert_vector_to_rotation(np.array(turn)) for turn in item.turns]
             for axis in _WELDED.T:
                 tips = zip(item.ends, turns, strict=True)
                 a, b = (add(end.segment, _move(end, turn @ axis)) for end, turn in tips)
                 meeting.append((a, b))
-    still = Segment(name=_STILL, parent=GROUND, joint_name=_STILL, joints=())
+    still = body.Segment(name=_STILL, parent=body.GROUND, joint_name=_STILL, joints=())
     whole = replace(model, segments=(still, *model.segments), markers=tuple(points), constraints=())
     return Closure(
         tree=compile_model(whole),
@@ -248,25 +248,12 @@ def _compile_constraints(same: _Same) -> Closure:
     )
 
 
-def _move(end: Marker, by: Array) -> tuple[Law, Law, Law]:
-    x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(end.laws, by, strict=True))
+def _move(end: body.Marker, by: Array) -> tuple[body.Law, body.Law, body.Law]:
+    x, y, z = (law + body.Law.constant(float(shift)) for law, shift in zip(end.laws, by, strict=True))
     return x, y, z
 
 
-def _find_across(line: Constraint) -> Array:
-    """Two unit vectors across a line, (2, 3)."""
-    return np.linalg.svd(np.array([line.direction]))[2][1:]
-
-
-def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
-    needed = set(wanted)
-    for segment in reversed(model.segments):
-        if segment.name in needed:
-            needed.add(segment.parent)
-    return [s for s in model.segments if s.name in needed]
-
-
-def _list_marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:
+def _list_marker_terms(row: int, marker: body.Marker, index: _Index) -> list[tree.MarkerTerm]:
     """Terms along different axes that follow one factor with known gains are one term."""
     known: dict[int, TermArrays] = {}
     free: list[TermArrays] = []
@@ -278,10 +265,10 @@ def _list_marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTe
                 known[term.factor] = replace(same, gain=same.gain + term.gain)
             else:
                 known[term.factor] = term
-    return [MarkerTerm(row, term) for term in (*known.values(), *free)]
+    return [tree.MarkerTerm(row, term) for term in (*known.values(), *free)]
 
 
-def _list_moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
+def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]:
     moves: list[Move] = []
     pending = np.eye(3)  # a constant rotation not yet written down
     for joint in joints:
@@ -289,11 +276,15 @@ def _list_moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
         if joint.kind == "translation":
             direction = pending @ axis
             constant, terms = index.terms(joint.law, direction)
-            _add_shift(moves, constant * direction, terms)
+            constant = constant * direction
+            if moves and isinstance(last := moves[-1], Shift):
+                moves[-1] = Shift(last.constant + constant, last.terms + terms)
+            elif terms or constant.any():
+                moves.append(Shift(constant, terms))
             continue
         constant, terms = index.terms(joint.law, np.ones(1))
         if not terms:
-            pending = pending @ rotate_about(axis, constant)
+            pending = pending @ rigid.rotate_about(axis, constant)
             continue
         aligned, number, sign = _to_coordinate_axis(pending @ axis)
         if aligned is not None:
@@ -311,16 +302,6 @@ def _list_moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
     return tuple(moves)
 
 
-def _add_shift(moves: list[Move], constant: Array, terms: tuple[TermArrays, ...]) -> None:
-    if not terms and not constant.any():
-        return
-    if moves and isinstance(moves[-1], Shift):
-        last = moves.pop()
-        assert isinstance(last, Shift)
-        constant, terms = last.constant + constant, last.terms + terms
-    moves.append(Shift(constant, terms))
-
-
 def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:
     """A rotation whose z axis is ``axis`` (None if it is a coordinate axis already), and which one."""
     number = int(np.argmax(np.abs(axis)))
@@ -332,24 +313,24 @@ def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:
     return np.column_stack([x, np.cross(axis, x), axis]), 2, 1.0
 
 
-def list_parameter_values(model: BodyModel) -> Array:
+def list_parameter_values(model: body.BodyModel) -> Array:
     """The model's parameters, shape (n_parameters,)."""
     return np.array([p.value for p in model.parameters], dtype=float)
 
 
-def repeat_default_pose(model: BodyModel, n_frames: int) -> Array:
+def repeat_default_pose(model: body.BodyModel, n_frames: int) -> Array:
     """The model's default pose repeated, shape (n_frames, n_coordinates), rad or m."""
     return np.tile([c.default for c in model.coordinates], (n_frames, 1)).astype(float)
 
 
-def list_coordinate_bounds(model: BodyModel) -> tuple[Array, Array]:
+def list_coordinate_bounds(model: body.BodyModel) -> tuple[Array, Array]:
     """Lower and upper bounds, each (n_coordinates,); infinite where a coordinate is not clamped."""
     lower = [c.lower if c.clamped else -np.inf for c in model.coordinates]
     upper = [c.upper if c.clamped else np.inf for c in model.coordinates]
     return np.array(lower), np.array(upper)
 
 
-def list_coordinate_ranges(model: BodyModel) -> tuple[Array, Array]:
+def list_coordinate_ranges(model: body.BodyModel) -> tuple[Array, Array]:
     """The ranges that the model declares, clamped or not, each (n_coordinates,).
 
     Infinite where a range is empty or does not hold the default.
@@ -360,6 +341,6 @@ def list_coordinate_ranges(model: BodyModel) -> tuple[Array, Array]:
     return np.array(lower), np.array(upper)
 
 
-def free_coordinates(model: BodyModel) -> NDArray[np.bool_]:
+def free_coordinates(model: body.BodyModel) -> NDArray[np.bool_]:
     """Which coordinates are estimated, shape (n_coordinates,)."""
     return np.array([not c.locked for c in model.coordinates])

@@ -14,11 +14,11 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.model.body import BodyModel, Law, Segment
+from scaling_service.core import errors
+from scaling_service.model.body import BodyModel, Law
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
+    pass
 
 SCHEMA_VERSION = 1
 """Raised when a document written before can no longer be read by the code after."""
@@ -57,11 +57,13 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
     Raises ModelRefused: the model is no tree, or a law or marker names something that is not in it.
     """
     if not isinstance(document, Mapping):
-        raise InputError("it is not a mapping of keys to values", file=file, remedy="Give a model document")
+        raise errors.InputError(
+            "it is not a mapping of keys to values", file=file, remedy="Give a model document"
+        )
     content = dict(document)
     version = content.pop("schema_version", None)
     if version != SCHEMA_VERSION:
-        raise InputError(
+        raise errors.InputError(
             f"model document of version {version!r}, this program reads {SCHEMA_VERSION}",
             file=file,
             field="schema_version",
@@ -74,7 +76,17 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
     try:
         (model,) = models.validate_json(json.dumps([_convert_numbers(content)]))
     except ValidationError as error:
-        raise _explain_wrong_value(error, file) from None
+        first = error.errors(include_url=False, include_context=False)[0]
+        kind, place = first["type"], list(first["loc"][1:])
+        if kind == "missing" and isinstance(place[-1], int):
+            kind, place = "too few", place[:-1]
+        problem, remedy = {
+            "missing": ("missing key", "Add it"),
+            "unexpected_keyword_argument": ("unknown key", "Remove it or correct its spelling"),
+            "too few": ("the list is too short", "Add what is missing"),
+        }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
+        path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
+        raise errors.InputError(problem, file=file, field=path or None, remedy=remedy) from None
     _check_names(model, file)
     return model
 
@@ -88,20 +100,6 @@ def _convert_numbers(value: Any) -> Any:
     if isinstance(value, str):
         return _INFINITE.get(value, value)
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
-
-
-def _explain_wrong_value(error: ValidationError, file: str | Path | None) -> InputError:
-    first = error.errors(include_url=False, include_context=False)[0]
-    kind, place = first["type"], list(first["loc"][1:])
-    if kind == "missing" and isinstance(place[-1], int):
-        kind, place = "too few", place[:-1]
-    problem, remedy = {
-        "missing": ("missing key", "Add it"),
-        "unexpected_keyword_argument": ("unknown key", "Remove it or correct its spelling"),
-        "too few": ("the list is too short", "Add what is missing"),
-    }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
-    path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
-    return InputError(problem, file=file, field=path or None, remedy=remedy)
 
 
 def _encode(value: object) -> Any:
@@ -138,8 +136,17 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
                 _must_exist(name, coordinates, "coordinate", where, file)
             _must_exist(term.parameter, parameters, "parameter", where, file)
 
+    segments = set(model.segment_names)
     for segment in model.segments:
-        _check_joints(segment, set(model.segment_names), file)
+        for joint in segment.joints:
+            _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
+            if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
+                raise errors.ModelRefused(
+                    f"the axis {joint.axis} is not of length 1",
+                    file=file,
+                    field=segment.joint_name,
+                    remedy="Divide the axis by its length",
+                )
         for joint in segment.joints:
             check(joint.law, segment.joint_name)
     for marker in model.markers:
@@ -158,20 +165,8 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
         check(expected.law, expected.coordinate)
 
 
-def _check_joints(segment: Segment, segments: set[str], file: str | Path | None) -> None:
-    for joint in segment.joints:
-        _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
-        if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
-            raise ModelRefused(
-                f"the axis {joint.axis} is not of length 1",
-                file=file,
-                field=segment.joint_name,
-                remedy="Divide the axis by its length",
-            )
-
-
 def _must_exist(name: str | None, known: set[str], what: str, where: str, file: str | Path | None) -> None:
     if name is not None and name not in known:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"{what} '{name}' is not in the model", file=file, field=where, remedy=f"Declare the {what}"
         )

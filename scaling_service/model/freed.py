@@ -12,16 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
+from scaling_service.model import body, parameters
 from scaling_service.model.anatomy.lengths import find_segment
-from scaling_service.model.body import BodyModel, Joint, Law, Marker, Parameter, Term
-from scaling_service.model.parameters import (
-    LETTERS,
-    UNITS,
-    free_axis,
-    free_marker,
-    free_scale,
-    free_scale_axes,
-)
 
 UNBOUNDED = 10.0
 """Bound of a number that a prior holds: as good as none, m or a share."""
@@ -35,7 +27,7 @@ MARKERS_HELD = (
 """Said of an OpenSim model whose markers were held."""
 
 
-def free_named(model: BodyModel, names: Sequence[str]) -> BodyModel:
+def free_named(model: body.BodyModel, names: Sequence[str]) -> body.BodyModel:
     """Free numbers by the names of their parameters, of which the module's head has the kinds.
 
     Sizes start at one, all others at zero, without bounds; parameters come in the order of ``names``, each
@@ -50,15 +42,15 @@ def free_named(model: BodyModel, names: Sequence[str]) -> BodyModel:
             drivers.setdefault(found[1], {})[found[2]] = None
     for kind, target in parts:
         if kind == "size" and target in model.segment_names:
-            freed = free_scale(freed, target, UNBOUNDED)
+            freed = parameters.free_scale(freed, target, UNBOUNDED)
         elif kind == "sizes" and target in model.segment_names:
-            freed = free_scale_axes(freed, target, "xz", UNBOUNDED)
+            freed = parameters.free_scale_axes(freed, target, "xz", UNBOUNDED)
         elif kind == "axis" and target in joints:
-            freed = free_axis(freed, target, UNBOUNDED, UNBOUNDED)
+            freed = parameters.free_axis(freed, target, UNBOUNDED, UNBOUNDED)
         elif kind == "centre" and (segment := find_segment(model, "femur", target[-1])) is not None:
             freed = free_centre(freed, segment, target)
         elif kind == "marker" and target in known:
-            freed = free_marker(freed, target, LETTERS, UNBOUNDED)
+            freed = parameters.free_marker(freed, target, parameters.LETTERS, UNBOUNDED)
         elif kind == "skin" and target in known:
             freed = free_skin(freed, target, tuple(drivers.get(target, ())))
     return freed
@@ -75,10 +67,10 @@ def _read_part(name: str) -> tuple[str, str]:
     return kind, target
 
 
-def hold_markers(model: BodyModel) -> BodyModel:
+def hold_markers(model: body.BodyModel) -> body.BodyModel:
     """The same with markers that move on their segments where they are in the neutral pose."""
     held = [
-        replace(m, laws=Marker.at("", "", m.nominal).laws)
+        replace(m, laws=body.Marker.at("", "", m.nominal).laws)
         if any(not law.is_constant for law in m.laws)
         else m
         for m in model.markers
@@ -86,12 +78,12 @@ def hold_markers(model: BodyModel) -> BodyModel:
     return model.with_markers(tuple(held))
 
 
-def free_centre(model: BodyModel, segment: str, joint: str) -> BodyModel:
+def free_centre(model: body.BodyModel, segment: str, joint: str) -> body.BodyModel:
     """Free a segment's joint centre in its parent: ``centre.<joint>.x`` and so on, m, without bounds."""
-    names = [f"centre.{joint}.{letter}" for letter in LETTERS]
+    names = [f"centre.{joint}.{letter}" for letter in parameters.LETTERS]
     shifts = tuple(
-        Joint("translation", unit, Law((Term(1.0, parameter=name),)))
-        for unit, name in zip(UNITS, names, strict=True)
+        body.Joint("translation", unit, body.Law((body.Term(1.0, parameter=name),)))
+        for unit, name in zip(parameters.UNITS, names, strict=True)
     )
     segments = tuple(
         replace(s, joints=(*shifts, *s.joints)) if s.name == segment else s for s in model.segments
@@ -99,29 +91,29 @@ def free_centre(model: BodyModel, segment: str, joint: str) -> BodyModel:
     return _with_numbers(replace(model, segments=segments), names, "centre", joint)
 
 
-def free_skin(model: BodyModel, name: str, drivers: Sequence[str]) -> BodyModel:
+def free_skin(model: body.BodyModel, name: str, drivers: Sequence[str]) -> body.BodyModel:
     """Let a marker slide with coordinates: ``skin.<marker>.<axis>.<coordinate>``, m per rad."""
 
-    def slide(law: Law, letter: str) -> Law:
-        return law + Law(
-            tuple(Term(1.0, parameter=f"skin.{name}.{letter}.{d}", coordinate=d) for d in drivers)
+    def slide(law: body.Law, letter: str) -> body.Law:
+        return law + body.Law(
+            tuple(body.Term(1.0, parameter=f"skin.{name}.{letter}.{d}", coordinate=d) for d in drivers)
         )
 
-    def change(marker: Marker) -> Marker:
+    def change(marker: body.Marker) -> body.Marker:
         if marker.name != name:
             return marker
-        x, y, z = (slide(law, letter) for law, letter in zip(marker.laws, LETTERS, strict=True))
+        x, y, z = (slide(law, letter) for law, letter in zip(marker.laws, parameters.LETTERS, strict=True))
         return replace(marker, laws=(x, y, z))
 
-    names = [f"skin.{name}.{letter}.{driver}" for letter in LETTERS for driver in drivers]
+    names = [f"skin.{name}.{letter}.{driver}" for letter in parameters.LETTERS for driver in drivers]
     return _with_numbers(model.with_markers(tuple(map(change, model.markers))), names, "skin", name)
 
 
 def _with_numbers(
-    model: BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
-) -> BodyModel:
+    model: body.BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
+) -> body.BodyModel:
     added = (
-        Parameter(
+        body.Parameter(
             name=name, value=0.0, unit="m", lower=-UNBOUNDED, upper=UNBOUNDED, group=group, target=target
         )
         for name in names

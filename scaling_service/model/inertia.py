@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 from pydantic import TypeAdapter
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, ModelRefused
+from scaling_service.model import reference
 from scaling_service.model.body import BodyModel, Marker, Tensor, to_vector
 from scaling_service.model.body import to_tensor as as_tensor
 from scaling_service.model.compile import compile_model
-from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.multibody.motion import TENSOR, Inertias, Mechanism
+from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody.tree import Tree
 
 Sex = Literal["F", "M"]
@@ -69,7 +69,7 @@ class InertiaTable:
         found = self.find(segment, sex)
         if found is None:
             known = ", ".join(dict.fromkeys(r.segment for r in self.rows))
-            raise InputError(
+            raise errors.InputError(
                 f"table '{self.name}' has no segment '{segment}' for sex '{sex}'",
                 field="inertia",
                 remedy=f"It has {known}, for F and M",
@@ -89,16 +89,16 @@ def read_inertia_table(name: str) -> InertiaTable:
     12.3
     """
     if name not in TABLE_NAMES:
-        raise InputError(
+        raise errors.InputError(
             f"there is no inertial table '{name}'",
             field="inertia",
             remedy=f"Use one of {', '.join(TABLE_NAMES)}",
         )
-    content = read_reference(find_reference_folder() / f"inertia_{name}.yaml")
+    content = reference.read_reference(reference.find_reference_folder() / f"inertia_{name}.yaml")
     return TypeAdapter(InertiaTable).validate_python(content)
 
 
-def compile_mechanism(model: BodyModel) -> Mechanism:
+def compile_mechanism(model: BodyModel) -> motion.Mechanism:
     """Compile a model with all its segments, in the model's order, and their inertias.
 
     The tree carries one marker per segment, at its centre of mass.
@@ -106,12 +106,12 @@ def compile_mechanism(model: BodyModel) -> Mechanism:
     ModelRefused: no segment has mass.
     """
     if not any(s.mass for s in model.segments):
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"no segment of model '{model.name}' has mass",
             field="segments",
             remedy="Give the segments mass, centre of mass and inertia, or apply an inertial table",
         )
-    return Mechanism(compile_whole_tree(model), gather_inertias(model))
+    return motion.Mechanism(compile_whole_tree(model), gather_inertias(model))
 
 
 def compile_whole_tree(model: BodyModel) -> Tree:
@@ -119,23 +119,23 @@ def compile_whole_tree(model: BodyModel) -> Tree:
     return compile_model(model.with_markers(tuple(Marker.at(s.name, s.name, s.com) for s in model.segments)))
 
 
-def gather_inertias(model: BodyModel) -> Inertias:
+def gather_inertias(model: BodyModel) -> motion.Inertias:
     """Masses, centres of mass and tensors of all segments, in the model's order."""
     mass = np.array([s.mass for s in model.segments], dtype=float)
     com = np.array([s.com for s in model.segments], dtype=float).reshape(-1, 3)
     tensors = np.array([to_matrix(s.inertia) for s in model.segments]).reshape(-1, 3, 3)
-    return Inertias(mass, com, tensors)
+    return motion.Inertias(mass, com, tensors)
 
 
 def to_matrix(numbers: Tensor) -> Array:
     """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
     tensor = np.empty((3, 3))
-    for (i, j), value in zip(TENSOR, numbers, strict=True):
+    for (i, j), value in zip(motion.TENSOR, numbers, strict=True):
         tensor[i, j] = tensor[j, i] = value
     return tensor
 
 
-def with_inertias(model: BodyModel, inertias: Inertias) -> BodyModel:
+def with_inertias(model: BodyModel, inertias: motion.Inertias) -> BodyModel:
     """The model with other masses, centres of mass and tensors, in the order of its segments."""
     segments = tuple(
         replace(s, mass=float(m), com=to_vector(c), inertia=take_six(t))
@@ -146,7 +146,7 @@ def with_inertias(model: BodyModel, inertias: Inertias) -> BodyModel:
 
 def take_six(matrix: Array) -> Tensor:
     """xx, yy, zz, xy, xz, yz of a matrix (3, 3)."""
-    return as_tensor(matrix[i, j] for i, j in TENSOR)
+    return as_tensor(matrix[i, j] for i, j in motion.TENSOR)
 
 
 def sum_mass(model: BodyModel) -> float:

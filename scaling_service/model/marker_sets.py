@@ -12,7 +12,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, Literal
 
-from scaling_service.model.reference import find_reference_folder, list_marker_set_files, read_reference
+from scaling_service.model import reference
 
 Side = Literal["r", "l", ""]
 
@@ -67,7 +67,7 @@ class MarkerSet:
 @cache
 def list_landmarks() -> Mapping[str, Landmark]:
     """All landmarks that are known, both sides, by name."""
-    content = read_reference(find_reference_folder() / "landmarks.yaml")
+    content = reference.read_reference(reference.find_reference_folder() / "landmarks.yaml")
     found: dict[str, Landmark] = {}
     for name, side, entry in _list_entries(content):
         aliases = tuple(_name_on_side(side, alias) for alias in entry.get("aliases", ()))
@@ -80,7 +80,7 @@ def list_landmarks() -> Mapping[str, Landmark]:
 @cache
 def list_marker_sets() -> Mapping[str, MarkerSet]:
     """All marker sets that come with the product, by name."""
-    contents = {name: read_reference(file) for name, file in list_marker_set_files()}
+    contents = {name: reference.read_reference(file) for name, file in reference.list_marker_set_files()}
     return MappingProxyType({name: _set(name, contents) for name in contents})
 
 

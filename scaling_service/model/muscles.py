@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import Segment, Vector
+from scaling_service.model import body
 
 SurfaceKind = Literal["cylinder", "sphere", "ellipsoid", "torus"]
 
@@ -20,7 +20,7 @@ class PathPoint:
 
     name: str
     segment: str
-    at: Vector  # (3,), m, in the segment's frame
+    at: body.Vector  # (3,), m, in the segment's frame
     coordinate: str | None = None
     lower: float = 0.0
     upper: float = 0.0
@@ -38,10 +38,12 @@ class WrapSurface:
     name: str
     kind: SurfaceKind
     segment: str
-    origin: Vector  # (3,), m, in the segment's frame
-    axes: tuple[Vector, Vector, Vector]  # rows of the rotation from the surface's frame to the segment's
+    origin: body.Vector  # (3,), m, in the segment's frame
+    axes: tuple[
+        body.Vector, body.Vector, body.Vector
+    ]  # rows of the rotation from the surface's frame to the segment's
     sizes: tuple[float, ...]
-    side: Vector | None = None
+    side: body.Vector | None = None
     of: str = ""  # the surface that this one stands for, if it does
 
 
@@ -51,9 +53,9 @@ class Contact:
 
     surface: str
     after: int  # number of the path point before the surface, from 0
-    first: Vector  # (3,), m, where the path touches, in the surface's segment
-    middle: Vector
-    last: Vector
+    first: body.Vector  # (3,), m, where the path touches, in the surface's segment
+    middle: body.Vector
+    last: body.Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +83,7 @@ class Musculature:
 
     muscles: tuple[Muscle, ...]
     surfaces: tuple[WrapSurface, ...]
-    movers: tuple[Segment, ...]
+    movers: tuple[body.Segment, ...]
     q: Array  # (n_poses, n_coordinates), rad or m, in the order of the model's coordinates
     contacts: tuple[tuple[tuple[Contact, ...], ...], ...]  # by pose and muscle, in the path's order
 

@@ -7,7 +7,7 @@ frames; :func:`fold` turns the parameters back into plain numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -15,17 +15,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.body import (
-    BodyModel,
-    Coordinate,
-    Joint,
-    Law,
-    Marker,
-    Parameter,
-    Segment,
-    Term,
-    Vector,
-)
+from scaling_service.model import body
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -41,7 +31,7 @@ _TURNS: Mapping[KneeKind, tuple[str, ...]] = {
 then about the shank's. A knee's second freedom is the turn of the shank: 10 to 20 deg against a few of varus
 and valgus (Grood and Suntay 1983), so that is what a joint of two axes takes."""
 
-_KNEE_AXES: Mapping[str, Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
+_KNEE_AXES: Mapping[str, body.Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
 
 _RANGE_DEG: Mapping[str, float] = {"adduction": 20.0, "rotation": 40.0}
 """To either side. Chosen: about twice what knees reach, for skin movement is taken for knee movement. They
@@ -51,8 +41,8 @@ _ALONG_Z = 1.0 - 1e-9  # of an axis' z part: rounding
 
 
 def free_scale(
-    model: BodyModel, segment: str, relative_bound: float, prior_sd: float | None = None
-) -> BodyModel:
+    model: body.BodyModel, segment: str, relative_bound: float, prior_sd: float | None = None
+) -> body.BodyModel:
     """Free one factor for a segment's size: joint centres and markers in it move away alike.
 
     The parameter ``scale.<segment>`` starts at one and stays within ``1 +- relative_bound``.
@@ -60,15 +50,15 @@ def free_scale(
     """
     share = {f"scale.{segment}": 1.0}
 
-    def resize(item: Joint) -> tuple[Joint, ...]:
+    def resize(item: body.Joint) -> tuple[body.Joint, ...]:
         return (replace(item, law=_multiply_law(item.law, share)),)
 
     return _resize_segment(model, segment, resize, dict.fromkeys(LETTERS, share), relative_bound, prior_sd)
 
 
 def free_scale_axes(
-    model: BodyModel, segment: str, axes: str, relative_bound: float, prior_sd: float | None = None
-) -> BodyModel:
+    model: body.BodyModel, segment: str, axes: str, relative_bound: float, prior_sd: float | None = None
+) -> body.BodyModel:
     """Free one factor for a segment's size along each of some of its axes.
 
     Parameters are ``scale.<segment>.<axis>``; the other axes take the mean of those freed. Otherwise
@@ -80,7 +70,7 @@ def free_scale_axes(
     mean = {name: 1.0 / len(names) for name in names.values()}
     shares = {letter: {names[letter]: 1.0} if letter in names else mean for letter in LETTERS}
 
-    def resize(item: Joint) -> tuple[Joint, ...]:
+    def resize(item: body.Joint) -> tuple[body.Joint, ...]:
         return tuple(
             replace(item, axis=item.axis if item.size_axis else unit, law=_multiply_law(law, shares[letter]))
             for letter, unit, part in zip(LETTERS, UNITS, item.size_axis or item.axis, strict=True)
@@ -92,16 +82,16 @@ def free_scale_axes(
 
 
 def _resize_segment(
-    model: BodyModel,
+    model: body.BodyModel,
     segment: str,
-    resized: Callable[[Joint], tuple[Joint, ...]],
+    resized: Callable[[body.Joint], tuple[body.Joint, ...]],
     shares: Mapping[str, Mapping[str, float]],
     relative_bound: float,
     prior_sd: float | None,
-) -> BodyModel:
+) -> body.BodyModel:
     """A segment's joint centres and markers times sums of new parameters, by their shares along each axis."""
 
-    def marker(item: Marker) -> Marker:
+    def marker(item: body.Marker) -> body.Marker:
         if item.segment != segment or not item.follows_size:
             return item
         x, y, z = (
@@ -117,7 +107,7 @@ def _resize_segment(
         for s in model.segments
     )
     added = (
-        Parameter(
+        body.Parameter(
             name=name,
             value=1.0,
             unit="1",
@@ -132,9 +122,9 @@ def _resize_segment(
     return _with(_map_markers(replace(model, segments=segments), marker), *added)
 
 
-def _multiply_law(law: Law, shares: Mapping[str, float], *, constant_only: bool = False) -> Law:
+def _multiply_law(law: body.Law, shares: Mapping[str, float], *, constant_only: bool = False) -> body.Law:
     """The law times a weighted sum of parameters: each term once for each of them."""
-    terms: list[Term] = []
+    terms: list[body.Term] = []
     for term in law.terms:
         if constant_only and not term.is_constant:
             terms.append(term)
@@ -142,12 +132,12 @@ def _multiply_law(law: Law, shares: Mapping[str, float], *, constant_only: bool 
             raise ValueError(f"a term holds one parameter, and '{term.parameter}' is there already")
         else:
             terms += [replace(term, parameter=name, gain=share * term.gain) for name, share in shares.items()]
-    return Law(tuple(terms))
+    return body.Law(tuple(terms))
 
 
 def free_axis(
-    model: BodyModel, joint_name: str, bound_x: float, bound_y: float, prior_sd: float | None = None
-) -> BodyModel:
+    model: body.BodyModel, joint_name: str, bound_x: float, bound_y: float, prior_sd: float | None = None
+) -> body.BodyModel:
     """Free the direction of a joint's axis: turns about x, then y, of the parent (Puchaud 2019, 2.2.4).
 
     A shared rotation goes before the joint's moving rotations and back after them, so the neutral
@@ -156,13 +146,13 @@ def free_axis(
     """
     names = (f"axis.{joint_name}.x", f"axis.{joint_name}.y")
 
-    def segment(item: Segment) -> Segment:
+    def segment(item: body.Segment) -> body.Segment:
         return (
             replace(item, joints=_tilt_axis(item.joints, *names)) if item.joint_name == joint_name else item
         )
 
     added = tuple(
-        Parameter(
+        body.Parameter(
             name=name,
             value=0.0,
             unit="rad",
@@ -177,14 +167,14 @@ def free_axis(
     return _with(replace(model, segments=tuple(map(segment, model.segments))), *added)
 
 
-def _tilt_axis(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
+def _tilt_axis(joints: tuple[body.Joint, ...], x: str, y: str) -> tuple[body.Joint, ...]:
     moving = [k for k, j in enumerate(joints) if j.turns]
     if not moving:
         raise ValueError("the joint has no rotation whose axis could be turned")
     first, last = moving[0], moving[-1] + 1
 
-    def turn(axis: tuple[float, float, float], name: str, sign: float) -> Joint:
-        return Joint("rotation", axis, Law((Term(sign, parameter=name),)))
+    def turn(axis: tuple[float, float, float], name: str, sign: float) -> body.Joint:
+        return body.Joint("rotation", axis, body.Law((body.Term(sign, parameter=name),)))
 
     there = (turn(_ALONG_Y, y, 1.0), turn(_ALONG_X, x, 1.0))
     back = (turn(_ALONG_X, x, -1.0), turn(_ALONG_Y, y, -1.0))
@@ -192,25 +182,25 @@ def _tilt_axis(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
 
 
 def free_marker(
-    model: BodyModel, name: str, axes: str, bound: float, prior_sd: float | None = None
-) -> BodyModel:
+    model: body.BodyModel, name: str, axes: str, bound: float, prior_sd: float | None = None
+) -> body.BodyModel:
     """Free local coordinates of a marker (``axes`` such as ``"xz"``) within ``+- bound`` (m).
 
     Parameters are ``marker.<name>.x`` and so on.
     """
     chosen = {letter: f"marker.{name}.{letter}" for letter in axes}
 
-    def marker(item: Marker) -> Marker:
+    def marker(item: body.Marker) -> body.Marker:
         if item.name != name:
             return item
         x, y, z = (
-            law + Law((Term(1.0, parameter=chosen[letter]),)) if letter in chosen else law
+            law + body.Law((body.Term(1.0, parameter=chosen[letter]),)) if letter in chosen else law
             for letter, law in zip(LETTERS, item.laws, strict=True)
         )
         return replace(item, laws=(x, y, z))
 
     added = tuple(
-        Parameter(
+        body.Parameter(
             name=parameter,
             value=0.0,
             unit="m",
@@ -225,22 +215,22 @@ def free_marker(
     return _with(_map_model(model, lambda joint: joint, marker), *added)
 
 
-def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:
+def fold(model: body.BodyModel, values: Mapping[str, float] | None = None) -> body.BodyModel:
     """The model with its parameters turned into plain numbers.
 
     ``values``: parameter to value; those not named keep the model's.
     """
     known = {p.name: p.value for p in model.parameters} | dict(values or {})
 
-    def law(item: Law) -> Law:
+    def law(item: body.Law) -> body.Law:
         terms = [
             t if t.parameter is None else replace(t, gain=t.gain * known[t.parameter], parameter=None)
             for t in item.terms
         ]
         varying = tuple(t for t in terms if not t.is_constant and t.gain != 0.0)
-        return Law((*varying, *Law.constant(sum(t.gain for t in terms if t.is_constant)).terms))
+        return body.Law((*varying, *body.Law.constant(sum(t.gain for t in terms if t.is_constant)).terms))
 
-    def marker(item: Marker) -> Marker:
+    def marker(item: body.Marker) -> body.Marker:
         x, y, z = map(law, item.laws)
         return replace(item, laws=(x, y, z))
 
@@ -249,26 +239,28 @@ def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyMod
 
 
 def _map_model(
-    model: BodyModel, joint: Callable[[Joint], Joint], marker: Callable[[Marker], Marker]
-) -> BodyModel:
+    model: body.BodyModel,
+    joint: Callable[[body.Joint], body.Joint],
+    marker: Callable[[body.Marker], body.Marker],
+) -> body.BodyModel:
     segments = tuple(replace(s, joints=tuple(map(joint, s.joints))) for s in model.segments)
     return _map_markers(replace(model, segments=segments), marker)
 
 
-def _map_markers(model: BodyModel, marker: Callable[[Marker], Marker]) -> BodyModel:
+def _map_markers(model: body.BodyModel, marker: Callable[[body.Marker], body.Marker]) -> body.BodyModel:
     """Markers, and ends of constraints, changed alike."""
     ends = (replace(c, ends=tuple(map(marker, c.ends))) for c in model.constraints)
     return replace(model, markers=tuple(map(marker, model.markers)), constraints=tuple(ends))
 
 
-def _with(model: BodyModel, *added: Parameter) -> BodyModel:
+def _with(model: body.BodyModel, *added: body.Parameter) -> body.BodyModel:
     return replace(model, parameters=(*model.parameters, *added))
 
 
 KneeKind = Literal["hinge", "universal", "spherical"]
 
 
-def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
+def with_knee(model: body.BodyModel, kind: KneeKind) -> body.BodyModel:
     """The model with turns added after the hinge of each knee.
 
     New coordinates are ``knee_adduction_r`` (varus positive) and ``knee_rotation_r`` (inward positive)
@@ -293,18 +285,27 @@ def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
             field="knee",
             remedy="Choose a built-in leg model, or leave the knee as it is",
         )
-    segments = tuple(
-        replace(s, joints=(*s.joints, *(_make_added_turn(turn, s.name[-1]) for turn in turns)))
-        if s.name in knees
-        else s
-        for s in model.segments
-    )
-    added = {flexion: name[-1] for name, flexion in knees.items()}
-    coordinates = tuple(c for old in model.coordinates for c in _follow_joint(old, added, turns))
-    return replace(model, segments=segments, coordinates=coordinates)
+    segments = []
+    for segment in model.segments:
+        joints = list(segment.joints)
+        for turn in turns if segment.name in knees else ():
+            # Axes x and y are reversed on the left, so that both sides carry the same clinical signs.
+            side, (x, y, z) = segment.name[-1], _KNEE_AXES[turn]
+            axis = (x, y, z) if side == "r" else (-x + 0.0, -y + 0.0, z)
+            joints.append(body.Joint("rotation", axis, body.Law.of(f"knee_{turn}_{side}")))
+        segments.append(replace(segment, joints=tuple(joints)))
+    sides = {flexion: name[-1] for name, flexion in knees.items()}
+    coordinates = []
+    for coordinate in model.coordinates:
+        coordinates.append(coordinate)
+        for turn in turns if coordinate.name in sides else ():
+            reach = math.radians(_RANGE_DEG[turn])
+            name = f"knee_{turn}_{sides[coordinate.name]}"
+            coordinates.append(body.Coordinate(name=name, lower=-reach, upper=reach))
+    return replace(model, segments=tuple(segments), coordinates=tuple(coordinates))
 
 
-def _find_hinge(segment: Segment) -> str:
+def _find_hinge(segment: body.Segment) -> str:
     """The coordinate of a plain hinge about z, the last joint of its chain."""
     moving = [j for j in segment.joints if not j.law.is_constant]
     last = segment.joints[-1] if segment.joints else None
@@ -317,21 +318,6 @@ def _find_hinge(segment: Segment) -> str:
         field="knee",
         remedy="Choose a built-in leg model, or leave the knee as it is",
     )
-
-
-def _make_added_turn(turn: str, side: str) -> Joint:
-    """Axes x and y are reversed on the left, so that both sides carry the same clinical signs."""
-    x, y, z = _KNEE_AXES[turn]
-    axis = (x, y, z) if side == "r" else (-x + 0.0, -y + 0.0, z)
-    return Joint("rotation", axis, Law.of(f"knee_{turn}_{side}"))
-
-
-def _follow_joint(old: Coordinate, added: Mapping[str, str], turns: tuple[str, ...]) -> Iterator[Coordinate]:
-    yield old
-    if old.name in added:
-        for turn in turns:
-            reach = math.radians(_RANGE_DEG[turn])
-            yield Coordinate(name=f"knee_{turn}_{added[old.name]}", lower=-reach, upper=reach)
 
 
 Tilt = tuple[float, float]

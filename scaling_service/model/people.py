@@ -12,10 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri, fdtri
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import Vector, to_vector
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.model import body, reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class Opposite:
     """
 
     ends: tuple[str, str]
-    sd: Vector
+    sd: body.Vector
     width: str
 
 
@@ -75,13 +75,13 @@ class People:
     """The table; landmarks are named without side."""
 
     hip_regressions: tuple[str, ...]
-    hip_sd: Vector  # m
+    hip_sd: body.Vector  # m
     hip_sides: float
     skin_over_asis: tuple[float, float]  # mean and SD, m, forward
     skin_over_psis: tuple[float, float]  # mean and SD, m, backward
     knee_axis_sd: float  # rad
-    palpation: Mapping[str, Vector]  # m
-    palpation_other: Vector  # m
+    palpation: Mapping[str, body.Vector]  # m
+    palpation_other: body.Vector  # m
     opposite: tuple[Opposite, ...]
     skin_rows: tuple[tuple[tuple[str, ...], SkinSize], ...]
     skin_other: SkinSize
@@ -127,7 +127,7 @@ class People:
         besides = share * np.sqrt(np.maximum(np.square(at_joints) - size.single**2, 0.0))
         return size.times(share).covariance(places, np.where(at_joints, besides, 0.0))
 
-    def place_sd(self, landmark: str) -> Vector:
+    def place_sd(self, landmark: str) -> body.Vector:
         """Standard deviation of a marker's place, m, along each axis of its segment.
 
         ``landmark``: without side.
@@ -144,7 +144,7 @@ def read_people() -> People:
     >>> read_people().skin("femur_r").shift
     0.006
     """
-    table: Mapping[str, Any] = read_reference(find_reference_folder() / "people.yaml")
+    table: Mapping[str, Any] = reference.read_reference(reference.find_reference_folder() / "people.yaml")
     hip, spines, skin, image = (table[name] for name in ("hip", "skin_over_spines", "skin", "image"))
     return People(
         hip_regressions=tuple(hip["regressions"]),
@@ -166,8 +166,8 @@ def read_people() -> People:
         image_centre=1e-3 * float(image["centre_mm"]),
         image_axis_sd=float(np.radians(image["axis_deg"])),
         image_marker=1e-3 * float(image["marker_mm"]),
-        landmark_points={n: 1e-3 * float(size) for n, size in table["landmarks"]["points_mm"].items()},
-        landmark_axes={n: float(np.radians(a)) for n, a in table["landmarks"]["axes_deg"].items()},
+        landmark_points={n: 1e-3 * _predict(row, 3) for n, row in table["landmarks"]["points_mm"].items()},
+        landmark_axes={n: np.radians(_predict(row, 2)) for n, row in table["landmarks"]["axes_deg"].items()},
         reach_mediolateral=float(np.radians(skin["reach_deg"]["mediolateral"])),
         reach_other=float(np.radians(skin["reach_deg"]["other"])),
         recorded_share=float(skin["recorded_share"]),
@@ -177,8 +177,36 @@ def read_people() -> People:
     )
 
 
-def _metres(millimetres: Any) -> Vector:
-    return to_vector(round(1e-3 * float(value), 9) for value in millimetres)
+def predict_difference(raters: float, persons: float, seen: Sequence[float], axes: int) -> float:
+    """The root mean square by which 95 of 100 differences of another person are held, as of Gaussian errors.
+
+    Few persons tell a variance badly: their difference from a new one is Student's t in ``axes`` directions
+    alike, with as many degrees of freedom for each person, which is wider than the Gaussian of its scale.
+
+    ``raters``: root mean square by the literature, which counts as so many ``persons``. ``seen``: of persons
+    at hand, each. ``axes``: 3 of a point, 2 of a direction.
+
+    Examples
+    --------
+    >>> round(predict_difference(3.0, 1.0, [3.0, 3.0], 3), 2), round(predict_difference(3.0, 1e6, [], 3), 2)
+    (3.65, 3.0)
+    """
+    count = persons + len(seen)
+    square = (persons * raters**2 + float(np.sum(np.square(seen)))) / count
+    gaussian = chdtri(axes, 0.05) / axes
+    return float(np.sqrt(square * fdtri(axes, axes * count, 0.95) / gaussian))
+
+
+def _predict(row: Mapping[str, Any], axes: int) -> float:
+    """Of a row of ``landmarks``; what raters say where no person was seen."""
+    if "seen" not in row:
+        return float(row["raters"])
+    seen = [float(size) for size in row["seen"] if size is not None]
+    return predict_difference(row["raters"], row["persons"], seen, axes)
+
+
+def _metres(millimetres: Any) -> body.Vector:
+    return body.to_vector(round(1e-3 * float(value), 9) for value in millimetres)
 
 
 def _read_skin(row: Mapping[str, Any]) -> SkinSize:

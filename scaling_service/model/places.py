@@ -9,11 +9,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import poses
+from scaling_service.model.anatomy import lengths, markers
 from scaling_service.model.anatomy.bones import find_rightward
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.anatomy.markers import SACRUM, find_canonical
 from scaling_service.model.body import BodyModel
-from scaling_service.model.poses import pose_neutral_frames, pose_neutral_markers
 
 _AT: Mapping[str, tuple[str, str, tuple[float, float, float]]] = {
     "ASIS": ("pelvis", "hip", (0.177, 0.222, 0.098)),
@@ -65,8 +64,10 @@ def find_landmarks_by_place(model: BodyModel) -> dict[str, str | None]:
     >>> find_landmarks_by_place(body.with_markers(tuple(other)))
     {'Q1': 'RLFE'}
     """
-    places, at = _list_places(model), pose_neutral_markers(model)
-    named = {m.name: landmark for m in model.markers if (landmark := find_canonical(m.name)) is not None}
+    places, at = _list_places(model), poses.pose_neutral_markers(model)
+    named = {
+        m.name: landmark for m in model.markers if (landmark := markers.find_canonical(m.name)) is not None
+    }
     wrong = {
         name
         for name, landmark in named.items()
@@ -86,14 +87,14 @@ def find_landmarks_by_place(model: BodyModel) -> dict[str, str | None]:
             if off[row, column] < _MOST:
                 found[free[row]] = wanted[column]
     if {"RPSIS", "LPSIS"} <= known | set(found.values()):
-        return {name: landmark for name, landmark in found.items() if landmark != SACRUM}
+        return {name: landmark for name, landmark in found.items() if landmark != markers.SACRUM}
     return found
 
 
 def tell_landmarks(model: BodyModel) -> dict[str, str]:
     """Markers that mark a landmark, by name or by place, to the landmark with its side."""
     by_place = find_landmarks_by_place(model)
-    told = {m.name: by_place.get(m.name, find_canonical(m.name)) for m in model.markers}
+    told = {m.name: by_place.get(m.name, markers.find_canonical(m.name)) for m in model.markers}
     return {name: landmark for name, landmark in told.items() if landmark is not None}
 
 
@@ -114,7 +115,7 @@ class _Place:
 
 def _list_places(model: BodyModel) -> dict[str, _Place]:
     joints, found = _find_joints(model), {}
-    pelvis = find_segment(model, "pelvis", "")
+    pelvis = lengths.find_segment(model, "pelvis", "")
     thighs = {s: own["hip"] - own["knee"] for s, own in joints.items() if {"hip", "knee"} <= own.keys()}
     if pelvis is None or not thighs:
         return {}
@@ -132,7 +133,7 @@ def _list_places(model: BodyModel) -> dict[str, _Place]:
             axes["ankle"] = _make_axes(own["knee"] - own["ankle"], right)
         outwards = np.array([1.0, 1.0, 1.0 if side == "r" else -1.0])
         for landmark, (role, joint, place) in _AT.items():
-            segment = find_segment(model, role, "" if role == "pelvis" else side)
+            segment = lengths.find_segment(model, role, "" if role == "pelvis" else side)
             if joint in axes and segment is not None:
                 found[f"{side.upper()}{landmark}"] = _Place(
                     segment=segment,
@@ -143,7 +144,7 @@ def _list_places(model: BodyModel) -> dict[str, _Place]:
                 )
         if len(thighs) == 2:
             middle = (joints["r"]["hip"] + joints["l"]["hip"]) / 2.0
-            found[SACRUM] = _Place(
+            found[markers.SACRUM] = _Place(
                 segment=pelvis,
                 at=middle + thigh * level @ np.array(_SACRUM),
                 axes=level,
@@ -166,9 +167,9 @@ def _make_axes(up: Array, right: Array, *, level: bool = False) -> Array:
 
 def _find_joints(model: BodyModel) -> dict[str, dict[str, Array]]:
     """Side to ``hip``, ``knee`` and ``ankle``, as far as the model has them, in the neutral pose, (3,) m."""
-    frames = pose_neutral_frames(model)
+    frames = poses.pose_neutral_frames(model)
     found: dict[str, dict[str, Array]] = {"r": {}, "l": {}}
-    for name, (segment, at) in find_joint_centres(model).items():
+    for name, (segment, at) in lengths.find_joint_centres(model).items():
         joint, _, side = name.partition("_")
         if joint in ("hip", "knee", "ankle") and side in found:
             rotation, origin = frames[segment]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.core.arrays import Array as Array
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model import body
 from scaling_service.model.trial import ImagePose
 
 
@@ -90,18 +90,22 @@ class EstimatedCentre:
     """
 
     source: str
-    sd: Vector
+    sd: body.Vector
 
 
 @dataclass(frozen=True, slots=True)
 class JointMove:
     """How an image moved a joint of an OpenSim model, beyond what the scale factors do."""
 
-    shift: Vector = (0.0, 0.0, 0.0)  # of its centre, m, in the parent segment's frame
-    turn: Vector = (0.0, 0.0, 0.0)  # of its rotation axes: a rotation vector, rad, in the joint's own frame
-    child_turn: Vector = (0.0, 0.0, 0.0)
+    shift: body.Vector = (0.0, 0.0, 0.0)  # of its centre, m, in the parent segment's frame
+    turn: body.Vector = (
+        0.0,
+        0.0,
+        0.0,
+    )  # of its rotation axes: a rotation vector, rad, in the joint's own frame
+    child_turn: body.Vector = (0.0, 0.0, 0.0)
     """Of the child against the joint, in the child's frame: a rotation vector, rad."""
-    child_shift: Vector = (0.0, 0.0, 0.0)
+    child_shift: body.Vector = (0.0, 0.0, 0.0)
     """How far that moves the child's origin, m, in the frame that the child had before."""
 
 
@@ -110,9 +114,9 @@ class Calibration:
     """A scaled model and how it came about."""
 
     method: str  # MB, MB_lam, MB_am, EB, EB_am, MAP
-    model: BodyModel  # with all parameters folded in; generic is what it was made from
-    generic: BodyModel
-    scale_factors: Mapping[str, Vector]  # segment to its x, y, z factors against the generic model
+    model: body.BodyModel  # with all parameters folded in; generic is what it was made from
+    generic: body.BodyModel
+    scale_factors: Mapping[str, body.Vector]  # segment to its x, y, z factors against the generic model
     axis_tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Knee (joint name) to the turns of its axis about x and y of the thigh, rad."""
     parameters: tuple[EstimatedParameter, ...] = ()

@@ -61,22 +61,6 @@ def scale_model(
     >>> scale_model(body, {"a": (2.0, 1.0, 1.0)}).marker("m").nominal
     (0.2, 0.2, 0.3)
     """
-    _check(model, factors, mass_kg)
-    segments = tuple(
-        _scale_segment(segment, factors, preserve_mass_distribution) for segment in model.segments
-    )
-    if mass_kg is not None:
-        segments = _with_total_mass(segments, mass_kg)
-    return replace(
-        model,
-        segments=segments,
-        markers=tuple(_scale_marker(m, factors) for m in model.markers),
-        couplers=tuple(_scale_coupler(c, model, factors) for c in model.couplers),
-        constraints=tuple(_scale_constraint(c, model, factors) for c in model.constraints),
-    )
-
-
-def _check(model: BodyModel, factors: Mapping[str, Vector], mass_kg: float | None) -> None:
     for name, values in factors.items():
         model.segment(name)
         if not all(np.isfinite(v) and v > 0 for v in values):
@@ -86,6 +70,21 @@ def _check(model: BodyModel, factors: Mapping[str, Vector], mass_kg: float | Non
             raise ValueError(f"a mass must be positive, not {mass_kg}")
         if not sum(s.mass for s in model.segments) > 0:
             raise ValueError("a model without mass cannot be given one by scaling")
+    segments = tuple(
+        _scale_segment(segment, factors, preserve_mass_distribution) for segment in model.segments
+    )
+    if mass_kg is not None:
+        ratio = mass_kg / sum(s.mass for s in segments)
+        segments = tuple(
+            replace(s, mass=s.mass * ratio, inertia=to_tensor(np.array(s.inertia) * ratio)) for s in segments
+        )
+    return replace(
+        model,
+        segments=segments,
+        markers=tuple(_scale_marker(m, factors) for m in model.markers),
+        couplers=tuple(_scale_coupler(c, model, factors) for c in model.couplers),
+        constraints=tuple(_scale_constraint(c, model, factors) for c in model.constraints),
+    )
 
 
 def _scale_segment(segment: Segment, factors: Mapping[str, Vector], preserve: bool) -> Segment:
@@ -147,13 +146,6 @@ def _scale_constraint(constraint: Constraint, model: BodyModel, factors: Mapping
     return replace(constraint, ends=ends)
 
 
-def _with_total_mass(segments: tuple[Segment, ...], mass_kg: float) -> tuple[Segment, ...]:
-    ratio = mass_kg / sum(s.mass for s in segments)
-    return tuple(
-        replace(s, mass=s.mass * ratio, inertia=to_tensor(np.array(s.inertia) * ratio)) for s in segments
-    )
-
-
 def _scale_inertia(segment: Segment, mass: float, f: Array) -> Tensor:
     """Inertia after scaling, as OpenSim's Body::scaleInertialProperties."""
     inertia = np.array(segment.inertia)
@@ -161,7 +153,7 @@ def _scale_inertia(segment: Segment, mass: float, f: Array) -> Tensor:
         return to_tensor(0.0 * inertia)
     if np.allclose(f, f[0], rtol=1e-14, atol=0.0):
         return to_tensor(inertia * f[0] ** 2 * mass / segment.mass)
-    along = _find_cylinder_axis(inertia)
+    along = int(np.argmin(inertia[:3]))  # of least inertia, ties decided as OpenSim does
     across = 1 if along == 0 else 0
     radius2 = max(0.0, 2.0 * inertia[along] / segment.mass)
     length2 = max(0.0, 12.0 * (inertia[across] / segment.mass - 0.25 * radius2))
@@ -172,11 +164,3 @@ def _scale_inertia(segment: Segment, mass: float, f: Array) -> Tensor:
     pairs = np.array([f[0] * f[1], f[0] * f[2], f[1] * f[2]])
     result[3:] = inertia[3:] * pairs * mass / segment.mass
     return to_tensor(result)
-
-
-def _find_cylinder_axis(inertia: Array) -> int:
-    """The axis of least inertia, ties decided as OpenSim does."""
-    xx, yy, zz = inertia[:3]
-    if xx <= yy:
-        return 0 if xx <= zz else 2
-    return 1 if yy <= zz else 2

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import Literal
 
 from scaling_service.core.notes import Note
+from scaling_service.model import trial
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import ImageEvidence, Relabelling, Trial
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 _NO_SIZES: Mapping[str, float] = MappingProxyType({})
@@ -43,9 +43,11 @@ class Subject:
     forces : mapping of str to Path
         A trial's file name to the file with its ground forces.
     corrections : mapping of str to tuple of Relabelling
-        A trial's file name to labels that are exchanged in it.
+        A trial's file name to labels that are wrong in it.
     mirrored : mapping of str to str
         A trial's file name to the axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
+    events : mapping of str to tuple of GaitEvent
+        A trial's file name to its events of gait, in place of the file's own.
     bones : mapping of str to Path
         Segment to mesh file, in ``bone_units``.
     bone_units : str
@@ -78,8 +80,9 @@ class Subject:
     calibration: tuple[Path, ...] = ()
     evaluation: tuple[Path, ...] = ()
     forces: Mapping[str, Path] = field(default_factory=dict)
-    corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
+    corrections: Mapping[str, tuple[trial.Relabelling, ...]] = field(default_factory=dict)
     mirrored: Mapping[str, str] = field(default_factory=dict)
+    events: Mapping[str, tuple[trial.GaitEvent, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
     bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
@@ -143,15 +146,15 @@ class Session:
 
     subject: Subject
     model: BodyModel
-    static: Trial | None
-    calibration: tuple[Trial, ...]
-    evaluation: tuple[Trial, ...]
+    static: trial.Trial | None
+    calibration: tuple[trial.Trial, ...]
+    evaluation: tuple[trial.Trial, ...]
     scale_setup: ScaleSetup | None = None
     notes: tuple[Note, ...] = ()
-    images: ImageEvidence | None = None
+    images: trial.ImageEvidence | None = None
     # Recordings of rotations without markers, which no method is fitted to, and what tells their mounting
-    rotations: tuple[Trial, ...] = ()
-    standing_rotations: Trial | None = None
+    rotations: tuple[trial.Trial, ...] = ()
+    standing_rotations: trial.Trial | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -159,7 +162,7 @@ class Session:
         return tuple(map(str, self.notes))
 
     @property
-    def dynamic(self) -> tuple[Trial, ...]:
+    def dynamic(self) -> tuple[trial.Trial, ...]:
         """Calibration and evaluation trials, each once."""
         names = {t.name for t in self.calibration}
         return self.calibration + tuple(t for t in self.evaluation if t.name not in names)

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array as Array
-from scaling_service.core.errors import MarkerMissing, TrialUnusable
 from scaling_service.model.body import Vector
 from scaling_service.numerics.least_squares.problem import find_shown
 
@@ -60,10 +60,6 @@ class MeasuredSizes:
         return {name: v for name, v in whole.items() if v is not None} | dict(self.lengths_m)
 
 
-NOT_MEASURED = MeasuredSizes()
-"""Nothing was measured by hand."""
-
-
 def merge(sizes: Iterable[MeasuredSizes]) -> MeasuredSizes:
     """The sizes of several files as one; of two that differ the first counts.
 
@@ -106,11 +102,23 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Relabelling:
-    """Labels that a person wants exchanged from one time to another, s: as they stand, to the right ones."""
+    """Labels that are wrong from one time to another, s: as they stand, to the right ones.
 
-    labels: Mapping[str, str]
+    None leaves the marker out.
+    """
+
+    labels: Mapping[str, str | None]
     start_s: float
     end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class GaitEvent:
+    """A foot meets the ground (``strike``) or leaves it (``off``), s on the recording's clock."""
+
+    side: Literal["r", "l"]
+    kind: Literal["strike", "off"]
+    time_s: float
 
 
 def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, detail: str) -> list[Repair]:
@@ -156,8 +164,9 @@ class Trial:
     oriented."""
     rate_hz: float
     repairs: tuple[Repair, ...] = field(default=())
-    sizes: MeasuredSizes = NOT_MEASURED  # of the person, as the file states them
+    sizes: MeasuredSizes = field(default_factory=MeasuredSizes)  # of the person, as the file states them
     rotations: Rotations | None = None
+    events: tuple[GaitEvent, ...] = ()  # of gait, as the file or a person says; empty where neither does
 
     def __post_init__(self) -> None:
         frames = len(self.times)
@@ -166,7 +175,7 @@ class Trial:
                 f"markers {self.markers.shape} do not fit {frames} frames and {len(self.labels)} labels"
             )
         if frames == 0:
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"trial '{self.name}' has no frame", file=self.name, remedy="Record or export it again"
             )
         self.times.setflags(write=False)
@@ -192,7 +201,7 @@ class Trial:
     def index(self, label: str) -> int:
         """Column of a label; raises MarkerMissing."""
         if label not in self.labels:
-            raise MarkerMissing(label, self.name, self.labels)
+            raise errors.MarkerMissing(label, self.name, self.labels)
         return self.labels.index(label)
 
     def position(self, label: str) -> Array:
@@ -265,9 +274,3 @@ class ImageEvidence:
     axis_deviations: Mapping[str, float] = field(default_factory=dict)  # rad
     bones: Mapping[str, Bone] = field(default_factory=dict)
     """Segment to the surface of its bone, as far as imaged."""
-
-    def sides(self) -> tuple[str, ...]:
-        """The legs of which hip, knee and ankle centre are known."""
-        return tuple(
-            s for s in "rl" if all(f"{joint}_{s}" in self.centres for joint in ("hip", "knee", "ankle"))
-        )

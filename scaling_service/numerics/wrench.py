@@ -88,9 +88,9 @@ def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAV
     force = wrench[:, :3]
     force[:] = point_acceleration(state.twists, state.accelerations, at) - gravity[:, None]
     force *= inertias.mass[:, None, None]
-    spin = np.einsum("kjan,kan->kjn", axes, state.twists[:, 3:])
-    pace = np.einsum("kjan,kan->kjn", axes, state.accelerations[:, 3:])
-    euler = inertias.tensor @ pace + cross(spin, inertias.tensor @ spin)
+    omega = np.einsum("kjan,kan->kjn", axes, state.twists[:, 3:])
+    alpha = np.einsum("kjan,kan->kjn", axes, state.accelerations[:, 3:])
+    euler = inertias.tensor @ alpha + cross(omega, inertias.tensor @ omega)
     wrench[:, 3:] = np.einsum("kjan,kjn->kan", axes, euler) + cross(at, force)
     return wrench
 
@@ -112,12 +112,7 @@ def compute_root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple
 
 
 def compute_inverse_dynamics(
-    mechanism: Mechanism,
-    motion: Motion,
-    p: Array,
-    loads: Loads | None = None,
-    *,
-    gravity: Array = GRAVITY,
+    mechanism: Mechanism, motion: Motion, p: Array, loads: Loads | None = None, *, gravity: Array = GRAVITY
 ) -> Dynamics:
     """Generalised forces and the residual wrench of a motion.
 
@@ -170,31 +165,27 @@ def compute_regressor_blocks(
     """
     for rows in split_blocks(motion.n, size):
         state = move_links(mechanism, motion.block(rows), p)
-        links = _link_regressors(state, gravity).reshape(-1, 6, rows.stop - rows.start)
+        # Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)
+        axes, origins = state.poses.axes, state.poses.origins
+        omega, alpha = state.twists[:, 3:], state.accelerations[:, 3:]
+        proper = point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
+        result = np.zeros((len(axes), N_PARAMETERS, 6, axes.shape[-1]))
+        result[:, 0, :3] = proper
+        for j in range(3):  # a unit first moment along axis j
+            arm = axes[:, j]
+            result[:, 1 + j, :3] = cross(alpha, arm) + cross(omega, cross(omega, arm))
+            result[:, 1 + j, 3:] = cross(arm, proper)
+        result[:, :4, 3:] += cross(origins[:, None], result[:, :4, :3])
+        result[:, 4:, 3:] = _compute_tensor_columns(axes, omega, alpha)
+        links = result.reshape(-1, 6, rows.stop - rows.start)
         links[:, 3:] -= cross(state.poses.origins[0], links[:, :3])
         yield RegressorBlock(rows, np.ascontiguousarray(np.moveaxis(links, -1, 0).transpose(0, 2, 1)))
 
 
-def _link_regressors(state: LinkMotion, gravity: Array) -> Array:
-    """Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)."""
-    axes, origins = state.poses.axes, state.poses.origins
-    spin, pace = state.twists[:, 3:], state.accelerations[:, 3:]
-    lift = point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
-    result = np.zeros((len(axes), N_PARAMETERS, 6, axes.shape[-1]))
-    result[:, 0, :3] = lift
-    for j in range(3):  # a unit first moment along axis j
-        arm = axes[:, j]
-        result[:, 1 + j, :3] = cross(pace, arm) + cross(spin, cross(spin, arm))
-        result[:, 1 + j, 3:] = cross(arm, lift)
-    result[:, :4, 3:] += cross(origins[:, None], result[:, :4, :3])
-    result[:, 4:, 3:] = _compute_tensor_columns(axes, spin, pace)
-    return result
-
-
-def _compute_tensor_columns(axes: Array, spin: Array, pace: Array) -> Array:
+def _compute_tensor_columns(axes: Array, omega: Array, alpha: Array) -> Array:
     """Moment per number of the tensor, (n_links, 6, 3, n)."""
-    w = np.einsum("kjan,kan->kjn", axes, spin)
-    a = np.einsum("kjan,kan->kjn", axes, pace)
+    w = np.einsum("kjan,kan->kjn", axes, omega)
+    a = np.einsum("kjan,kan->kjn", axes, alpha)
     local = np.zeros((len(axes), len(TENSOR), 3, axes.shape[-1]))
     for column, (i, j) in enumerate(TENSOR):
         turned = np.zeros_like(w)
@@ -240,14 +231,14 @@ def differentiate_wrench(
         for part in (inertia, turning, momentum, forces)
     )
     screw, first, second = screws.rates
-    fall = np.zeros((6, 1))
-    fall[:3, 0] = gravity
+    g = np.zeros((6, 1))
+    g[:3, 0] = gravity
     by_q = (
         _multiply(composite, second)
         + _multiply(composite_rate, first)
         + cross_wrench(first, h)
         + cross_wrench(screw, f)
-        + _multiply(composite, cross_twist(screw, fall))
+        + _multiply(composite, cross_twist(screw, g))
     )
     by_qdot = 2.0 * _multiply(composite, first) + _multiply(composite_rate, screw) + cross_wrench(screw, h)
     by_entry = np.stack([by_q, by_qdot, _multiply(composite, screw)], axis=1)

@@ -14,11 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.trial import (
-    Relabelling,
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Relabelling, Repair, Trial
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 
 LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
@@ -92,18 +89,16 @@ def find_turned_limbs(
         for lateral, medial in (*LEG_PAIRS, *FOOT_PAIRS, *ARM_PAIRS)
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
-    lines = {lateral: _find_rightward_line(places, lateral, medial) for lateral, medial in pairs}
+    lines = {}
+    for lateral, medial in pairs:
+        # From the inner to the outer landmark of a right limb, the other way of a left one
+        line: Array = places[lateral][1] - places[medial][1]
+        lines[lateral] = line if lateral[0] == "R" else -line
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
         facing = lateral[1:] in _LEGS or (lateral[1:], medial[1:]) in FOOT_PAIRS
         rightwards = _find_rightwards(places, others) if facing else None
         yield ((places[lateral][0], places[medial][0]), _find_wrong(lines[lateral], rightwards, trial.times))
-
-
-def _find_rightward_line(places: _Places, lateral: str, medial: str) -> Array:
-    """From the inner to the outer landmark of a right limb, the other way of a left one."""
-    line: Array = places[lateral][1] - places[medial][1]
-    return line if lateral[0] == "R" else -line
 
 
 def _normalise(vectors: Array) -> Array:
@@ -134,9 +129,19 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     if not len(rows):
         return wrong
     seen = line[rows]
-    outwards = np.full(len(rows), np.nan) if rightwards is None else _compute_cosines(seen, rightwards[rows])
-    turned = np.cumsum(np.concatenate(([False], _find_jumps(seen, outwards, times[rows])))) % 2 == 1
-    inside = [_take_median(outwards[turned == part]) for part in (False, True)]
+    outwards = np.full(len(rows), np.nan)
+    if rightwards is not None:
+        outwards = np.einsum("fi,fi->f", _normalise(seen), rightwards[rows])
+    # Whether the line turns round between each seen frame and the next one seen, (n_seen - 1,)
+    steps = np.linalg.norm(np.diff(seen, axis=0), axis=1)
+    turns = np.einsum("fi,fi->f", seen[1:], seen[:-1]) < 0.0
+    abrupt = steps > ABRUPT * float(np.median(np.linalg.norm(seen, axis=1)))
+    # Over a longer time unseen a person may turn round; then the change against the pelvis tells.
+    soon = np.diff(times[rows]) <= SHORTEST_S
+    jumps = np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
+    turned = np.cumsum(np.concatenate(([False], jumps))) % 2 == 1
+    known = [outwards[(turned == part) & np.isfinite(outwards)] for part in (False, True)]
+    inside = [float(np.median(values)) if len(values) else float("nan") for values in known]
     if not turned.any():
         guilty = np.full(len(rows), inside[0] < -CLEAR)
     elif np.isfinite(inside).all():
@@ -148,27 +153,6 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     wrong[rows[0] :] = guilty[np.searchsorted(rows, np.arange(rows[0], len(line)), side="right") - 1]
     wrong[rows[-1] + 1 :] = False
     return wrong
-
-
-def _compute_cosines(line: Array, rightwards: Array) -> Array:
-    cosines: Array = np.einsum("fi,fi->f", _normalise(line), rightwards)
-    return cosines
-
-
-def _take_median(values: Array) -> float:
-    """Median of what is known, NaN if nothing is."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else float("nan")
-
-
-def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:
-    """Whether the line turns round between each seen frame and the next one seen, (n_seen - 1,)."""
-    change = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    turns = np.einsum("fi,fi->f", line[1:], line[:-1]) < 0.0
-    abrupt = change > ABRUPT * float(np.median(np.linalg.norm(line, axis=1)))
-    # Over a longer time unseen a person may turn round; then the change against the pelvis tells.
-    soon = np.diff(times) <= SHORTEST_S
-    return np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
 
 
 Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
@@ -289,26 +273,52 @@ _Kind = TypeVar("_Kind", bound=Trial)
 
 
 def relabel(trial: _Kind, corrections: Iterable[Relabelling]) -> _Kind:
-    """The trial with labels exchanged as a person decided, each change among its repairs.
+    """The trial with labels put right as a person decided, each change among its repairs.
+
+    While it lasts, a marker goes under its right label, in place of what stands there while it is seen; a
+    label that is given away and not taken, or left out, has a gap. A right label that the trial lacks is
+    added.
 
     Raises MarkerMissing: the trial has no such label.
     """
     for item in corrections:
         half = 0.5 / trial.rate_hz  # times in documents are rounded
         inside = (trial.times >= item.start_s - half) & (trial.times <= item.end_s + half)
-        wrong, right = (
-            np.array([trial.index(name) for name in names])
-            for names in zip(*item.labels.items(), strict=True)
-        )
-        markers = trial.markers.copy()
-        markers[np.ix_(inside, right)] = trial.markers[np.ix_(inside, wrong)]
-        span = f"from {item.start_s:.2f} to {item.end_s:.2f} s"
-        said = f"{' and '.join(item.labels)} exchanged {span}, as the subject file says"
+        taken = {trial.index(wrong): right for wrong, right in item.labels.items()}
+        new = [right for right in taken.values() if right is not None and right not in trial.labels]
+        labels = (*trial.labels, *new)
+        markers = np.full((trial.n_frames, len(labels), 3), np.nan)
+        markers[:, : len(trial.labels)] = trial.markers
+        markers[np.ix_(inside, np.array(list(taken)))] = np.nan
+        for wrong, right in taken.items():
+            if right is not None:
+                seen = inside & find_seen(trial.markers[:, wrong])
+                markers[seen, labels.index(right)] = trial.markers[seen, wrong]
+        span = f"from {item.start_s:.2f} to {item.end_s:.2f} s, as the subject file says"
         made = Repair(
-            what="labels_exchanged", where=", ".join(item.labels), detail=said, frames=int(inside.sum())
+            what="labels_exchanged" if set(item.labels) == set(item.labels.values()) else "labels_changed",
+            where=", ".join(item.labels),
+            detail=f"{describe_relabelling(item)} {span}",
+            frames=int(inside.sum()),
         )
-        trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
+        trial = replace(trial, labels=labels, markers=markers, repairs=(*trial.repairs, made))
     return trial
+
+
+def describe_relabelling(item: Relabelling) -> str:
+    """What is done to the labels, without its time.
+
+    Examples
+    --------
+    >>> describe_relabelling(Relabelling({"RKNE": None, "*12": "RANK"}, 0.0, 1.0))
+    'RKNE left out, *12 taken for RANK'
+    """
+    if set(item.labels) == set(item.labels.values()):
+        return f"{' and '.join(item.labels)} exchanged"
+    return ", ".join(
+        f"{wrong} left out" if right is None else f"{wrong} taken for {right}"
+        for wrong, right in item.labels.items()
+    )
 
 
 def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TypeVar
 
@@ -11,11 +10,7 @@ from scipy import ndimage
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.model.forces import CONTACT_N, GroundForces
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.plausibility import remove_strays
@@ -108,7 +103,19 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
     shown = find_seen(trial.markers)
     hidden = np.zeros_like(shown)
     repairs = []
-    for one, other, usual in _find_meeting(trial):
+    # Columns of markers that are usually apart, and at one point at times; how far they usually are, m
+    meeting = []
+    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
+    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
+    some = trial.markers[::step, named]
+    for k in range(len(named) - 1):
+        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
+        close = square < ONE_POINT_M**2  # never where one is not seen
+        for after in np.flatnonzero(close.any(axis=0)).tolist():
+            usual = float(np.sqrt(np.nanquantile(square[:, after], _USUAL)))
+            if usual > APART_M:
+                meeting.append((named[k], named[k + 1 + after], usual))
+    for one, other, usual in meeting:
         distance = np.linalg.norm(trial.markers[:, one] - trial.markers[:, other], axis=1)
         near = distance < ONE_POINT_M
         merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
@@ -123,20 +130,6 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
-
-
-def _find_meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
-    """Columns of markers that are usually apart, and at one point at times; how far they usually are, m."""
-    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
-    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
-    some = trial.markers[::step, named]
-    for k in range(len(named) - 1):
-        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
-        near = square < ONE_POINT_M**2  # never where one is not seen
-        for other in np.flatnonzero(near.any(axis=0)).tolist():
-            usual = float(np.sqrt(np.nanquantile(square[:, other], _USUAL)))
-            if usual > APART_M:
-                yield named[k], named[k + 1 + other], usual
 
 
 def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
@@ -190,7 +183,25 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     paths = paths[:, np.isfinite(paths).all(axis=2).mean(axis=0) > _SEEN]
     if frames < _LEAST[0] or paths.shape[1] < _LEAST[1]:
         return trial
-    hertz, power, of_place = _compute_spectrum(_without_gaps(paths), trial.rate_hz)
+    # Gaps of paths (n, m, 3) bridged by straight lines
+    at, filled = np.arange(len(paths)), paths.copy()
+    for k in np.flatnonzero(~np.isfinite(paths).all(axis=(0, 2))).tolist():
+        known = np.isfinite(paths[:, k]).all(axis=1)
+        for axis in range(3):
+            filled[:, k, axis] = np.interp(at, at[known], paths[known, k, axis])
+    # Frequencies (Hz), squares of all accelerations there (m2/s4), and of what depends on place alone
+    acceleration = np.diff(filled, 2, axis=0) * trial.rate_hz**2
+    window = np.hanning(len(acceleration) + 2)[1:-1]
+    points = _FINER * len(acceleration)
+    hertz = np.fft.rfftfreq(points, 1.0 / trial.rate_hz)
+    some = (hertz >= SHAKEN_HZ / 2.0) & (
+        hertz <= _FASTEST * trial.rate_hz
+    )  # and what a line must stand above
+    lines = np.fft.rfft(acceleration * window[:, None, None], points, axis=0)[some] * 2.0 / window.sum()
+    place = filled.mean(axis=0)
+    functions = np.linalg.qr(np.column_stack([np.ones(len(place)), place - place.mean(axis=0)]))[0]
+    shared = np.einsum("mk,fma->fka", functions, lines)
+    hertz, power, of_place = hertz[some], *(np.square(np.abs(x)).sum(axis=(1, 2)) for x in (lines, shared))
     if not len(hertz):  # too few frames a second to show any shaking
         return trial
     beside, near = _average_beside(power), _average_beside(of_place)
@@ -224,30 +235,6 @@ def _average_beside(power: Array) -> Array:
     return np.asarray(np.maximum(*sides)) + 1e-300
 
 
-def _without_gaps(paths: Array) -> Array:
-    """Gaps of paths (n, m, 3) bridged by straight lines."""
-    at, filled = np.arange(len(paths)), paths.copy()
-    for k in np.flatnonzero(~np.isfinite(paths).all(axis=(0, 2))).tolist():
-        known = np.isfinite(paths[:, k]).all(axis=1)
-        for axis in range(3):
-            filled[:, k, axis] = np.interp(at, at[known], paths[known, k, axis])
-    return filled
-
-
-def _compute_spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array]:
-    """Frequencies (Hz), squares of all accelerations there (m2/s4), and of what depends on place alone."""
-    acceleration = np.diff(paths, 2, axis=0) * rate_hz**2
-    window = np.hanning(len(acceleration) + 2)[1:-1]
-    points = _FINER * len(acceleration)
-    hertz = np.fft.rfftfreq(points, 1.0 / rate_hz)
-    some = (hertz >= SHAKEN_HZ / 2.0) & (hertz <= _FASTEST * rate_hz)  # and what a line must stand above
-    lines = np.fft.rfft(acceleration * window[:, None, None], points, axis=0)[some] * 2.0 / window.sum()
-    place = paths.mean(axis=0)
-    functions = np.linalg.qr(np.column_stack([np.ones(len(place)), place - place.mean(axis=0)]))[0]
-    shared = np.einsum("mk,fma->fka", functions, lines)
-    return hertz[some], *(np.square(np.abs(x)).sum(axis=(1, 2)) for x in (lines, shared))
-
-
 def remove_spikes(forces: GroundForces) -> GroundForces:
     """Interpolate over a sample or two in which a plate jumps and comes back, as no foot does.
 
@@ -258,7 +245,16 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
     repairs = []
     for k, plate in enumerate(forces.plates):
         known = forces.known[:, k]
-        bad = _find_spikes(np.where(known[:, None], force[:, k], 0.0)) & known
+        # Samples off the course of those beside them
+        seen = np.where(known[:, None], force[:, k], 0.0)
+        off = np.abs(seen - ndimage.median_filter(seen, (2 * _BESIDE + 1, 1), mode="nearest"))
+        bad, at = np.zeros_like(known), np.arange(len(seen))
+        for path, away in zip(seen.T, off.T, strict=True):
+            high = away > SPIKE_N
+            if high.any():
+                course = np.interp(at, at[~high], path[~high])
+                bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
+                bad |= high & (away > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1)) & known
         good = known & ~bad
         if not bad.any() or not good.any():
             continue
@@ -273,18 +269,6 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
             Repair(what="spikes", where=where, detail=detail, frames=int(bad.sum()), off=float(rms.max()))
         )
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
-
-
-def _find_spikes(force: Array) -> Mask:
-    """Samples of one plate's force (n, 3) off the course of those beside them."""
-    off = np.abs(force - ndimage.median_filter(force, (2 * _BESIDE + 1, 1), mode="nearest"))
-    spikes = np.zeros_like(off, dtype=bool)
-    for axis in np.flatnonzero((off > SPIKE_N).any(axis=0)).tolist():
-        high, at = off[:, axis] > SPIKE_N, np.arange(len(force))
-        course = np.interp(at, at[~high], force[~high, axis])
-        bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
-        spikes[:, axis] = high & (off[:, axis] > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1))
-    return np.asarray(spikes.any(axis=1))
 
 
 def note_dead_channels(forces: GroundForces) -> GroundForces:

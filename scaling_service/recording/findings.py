@@ -11,7 +11,7 @@ from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import Sex
 from scaling_service.model.trial import Trial
-from scaling_service.recording.exchanged import Clusters, Exchange
+from scaling_service.recording import exchanged
 
 BEYOND_DOUBT = 1e3
 """Odds against a sound recording, priors included, from which on nothing is computed."""
@@ -24,8 +24,8 @@ class Finding(Note):
     """One thing about a recording, its ``place``, that a sound one does not show."""
 
     labels: tuple[str, ...] = ()  # that it concerns
-    exchanges: tuple[Exchange, ...] = ()  # labels that, put right, solve it
-    rivals: Mapping[str, tuple[Exchange, ...]] = field(default_factory=dict)
+    exchanges: tuple[exchanged.Exchange, ...] = ()  # labels that, put right, solve it
+    rivals: Mapping[str, tuple[exchanged.Exchange, ...]] = field(default_factory=dict)
     """Other recordings in which the same, put right instead, would solve it."""
 
     def __str__(self) -> str:
@@ -60,7 +60,7 @@ class Recordings:
     """
 
     trials: Sequence[Trial]
-    clusters: Clusters = field(default_factory=dict)
+    clusters: exchanged.Clusters = field(default_factory=dict)
     static: str | None = None
     stated: Stated = Stated()
     model: BodyModel | None = None

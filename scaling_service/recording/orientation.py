@@ -14,11 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
-from scaling_service.recording.plausibility import find_extremes, find_unit_factor
+from scaling_service.model.trial import Repair, Trial
+from scaling_service.recording import plausibility
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
@@ -115,9 +112,10 @@ def decide(
     zero (the floor). Forward: from PSIS to ASIS; else square to right-left pairs; else the displacement;
     else a lab axis, which is said.
     """
-    factor, unit_repairs = find_unit_factor(trial)
+    factor, unit_repairs = plausibility.find_unit_factor(trial)
     positions = trial.markers * factor
-    where = _group_by_role(positions, trial.labels, roles or {})
+    known = roles or {}
+    where = {known[label]: positions[:, k] for k, label in enumerate(trial.labels) if label in known}
     up_vector, forward_vector = check_axes(up, forward)
     if up_vector is None:
         up_vector, why_up = _find_up(positions, where, forward_vector, upright, level)
@@ -154,7 +152,7 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     ``trial``: any recording of the same session, as read. Raises TrialUnusable if no marker is seen at all,
     or the unit cannot be told.
     """
-    factor, unit_repairs = find_unit_factor(trial)
+    factor, unit_repairs = plausibility.find_unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     turned = trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
     return turn_rotations(orientation, turned)
@@ -175,10 +173,6 @@ def stand_along(orientation: Orientation, vertical: int) -> Orientation:
     elif vertical == 2:
         turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     return replace(orientation, R_new_old=turn @ orientation.R_new_old + 0.0, vertical=vertical)
-
-
-def _group_by_role(positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]) -> dict[str, Array]:
-    return {roles[label]: positions[:, k] for k, label in enumerate(labels) if label in roles}
 
 
 def _average_markers(where: Mapping[str, Array], names: frozenset[str]) -> Array | None:
@@ -221,7 +215,7 @@ def _find_up(
             share = np.abs(rise) / np.linalg.norm(rise)
             if allowed[np.argmax(share)] and share.max() >= CLEAR_SHARE:
                 return _snap_to_axis(rise), f"pelvis, knees and ankles lie {_describe_off_axis(rise)} off it"
-    low, high = find_extremes(positions)
+    low, high = plausibility.find_extremes(positions)
     seen = np.isfinite(low).all(axis=1)
     low, high = low[seen], high[seen]
     extent = np.where(allowed, np.median(high - low, axis=0), -1.0)
@@ -271,7 +265,16 @@ def _find_facing(positions: Array, where: Mapping[str, Array], up: Array) -> tup
         facing = _project_horizontally(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
         if facing is not None:
             return facing, f"square to right and left markers, {_describe_off_axis(facing)} off it"
-    way = _project_horizontally(_measure_displacement(positions), up)
+    # Last minus first seen position, mean over the markers seen over most of the trial
+    seen: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=-1)
+    n = len(positions)
+    first, last = seen.argmax(axis=0), n - 1 - seen[::-1].argmax(axis=0)
+    lasting = seen.any(axis=0) & (last - first >= n // 2)
+    displacement: Array | None = None
+    if n >= 2 and lasting.any():
+        columns = np.flatnonzero(lasting)
+        displacement = (positions[last[columns], columns] - positions[first[columns], columns]).mean(axis=0)
+    way = _project_horizontally(displacement, up)
     if way is not None and np.linalg.norm(way) >= WALKED_M:
         return way, f"displacement of {np.linalg.norm(way):.1f} m, {_describe_off_axis(way)} off it"
     return None, "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
@@ -283,19 +286,6 @@ def _project_horizontally(vector: Array | None, up: Array) -> Array | None:
         return None
     flat = vector - (vector @ up) * up
     return flat if np.linalg.norm(flat) > 1e-2 * max(float(np.linalg.norm(vector)), 1e-9) else None
-
-
-def _measure_displacement(positions: Array) -> Array | None:
-    """Last minus first seen position, mean over the markers seen over most of the trial."""
-    seen: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=-1)
-    n = len(positions)
-    first, last = seen.argmax(axis=0), n - 1 - seen[::-1].argmax(axis=0)
-    lasting = seen.any(axis=0) & (last - first >= n // 2)
-    if n < 2 or not lasting.any():
-        return None
-    columns = np.flatnonzero(lasting)
-    travel: Array = (positions[last[columns], columns] - positions[first[columns], columns]).mean(axis=0)
-    return travel
 
 
 def _snap_to_axis(vector: Array) -> Array:

@@ -17,20 +17,13 @@ import numpy as np
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import (
-    Relabelling,
-    Repair,
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Relabelling, Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
-from scaling_service.recording import exchanged, findings
+from scaling_service.recording import exchanged, findings, sides, witnesses
 from scaling_service.recording.plausibility import find_moved_markers
 from scaling_service.recording.root import ask_root
 from scaling_service.recording.same_person import ask_same_person
-from scaling_service.recording.sides import MIRRORED, judge_handedness
 from scaling_service.recording.sizes import ask_sizes
-from scaling_service.recording.witnesses import FRAMES, WRONG
 
 ANOTHER_M = 0.3  # chosen: two labels of one landmark of one person are nearer, whoever palpated
 _FEWEST_TWICE = 4  # labels that stand twice, far apart, before they make another person (chosen)
@@ -38,7 +31,10 @@ _MOST_ALIKE = 20  # labels of one name or landmark that are compared (chosen: so
 _AFFIX = 8  # letters that a system or a person adds to tell two subjects apart (chosen)
 
 _NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
-_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
+_SAFE, _ODD = (
+    np.log1p(-witnesses.WRONG),
+    np.log(witnesses.WRONG),
+)  # that a model's segment is as it says, and that it is not
 _FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
 
 _HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
@@ -81,7 +77,7 @@ def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None)
 
 def ask_one_person(trial: Trial) -> Iterator[findings.Finding]:
     """Whether two sets of the same labels stand in one recording, far apart."""
-    step = max(1, trial.n_frames // FRAMES)
+    step = max(1, trial.n_frames // witnesses.FRAMES)
     shown = find_shown(trial.markers[::step])
     keys = {
         label: make_plain_key(label)
@@ -152,7 +148,7 @@ def _find_affix(one: str, other: str) -> str | None:
 def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[findings.Finding]:
     """Whether right is right: mirrored recordings, exchanged sides, fronts that are backs."""
     roles = findings.list_roles(trial)
-    found = judge_handedness(trial, roles)
+    found = sides.judge_handedness(trial, roles)
     if found is None:
         yield from ask_shapes(trial, model) if model is not None else ()
         return
@@ -219,7 +215,7 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
         ]
         if len(own) < _FEWEST_SOLID:
             continue
-        step = max(1, trial.n_frames // FRAMES)
+        step = max(1, trial.n_frames // witnesses.FRAMES)
         cloud = trial.select([m.name for m in own]).markers[::step]
         cloud = cloud[np.isfinite(cloud).all(axis=(1, 2))]
         if not len(cloud):
@@ -240,7 +236,7 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
         gain = float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
         turned += float(np.logaddexp(gain + _SAFE, _ODD) - np.logaddexp(_SAFE, gain + _ODD))
         seen.append(segment.name)
-    log_odds = turned + np.log(MIRRORED)
+    log_odds = turned + np.log(sides.MIRRORED)
     if log_odds > np.log(findings.TOLD):
         yield findings.Finding(
             code="mirrored",

@@ -9,13 +9,9 @@ import numpy as np
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    repair_each,
-)
+from scaling_service.model.trial import Repair, Trial, repair_each
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
+from scaling_service.numerics.multibody import rigid
 from scaling_service.numerics.signals import filters
 from scaling_service.recording import orientation
 from scaling_service.recording.settings import LEAST_RATE, LONGEST_SPLINE_S, ProcessingSettings
@@ -150,8 +146,8 @@ def _solidify(
     parts = []
     for k, column in enumerate(columns):
         others = shown.sum(axis=1) - shown[:, k]
-        wanted = ~shown[:, k] & (others >= MIN_POINTS)
-        common = shown[:, k] & (others >= MIN_POINTS)
+        wanted = ~shown[:, k] & (others >= rigid.MIN_POINTS)
+        common = shown[:, k] & (others >= rigid.MIN_POINTS)
         if wanted.any() and common.sum() >= MIN_COMMON_FRAMES:
             part = _carry(cloud, k, wanted, common)
             if part is not None:
@@ -202,7 +198,7 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
 
 def _place_shape(shape: Array, rest: Array, cloud: Array) -> Array:
     """The shape (m, 3) where the rest of it lies best on each frame of a cloud (n, m, 3)."""
-    rotation, shift = fit_rigid(rest, cloud)
+    rotation, shift = rigid.fit_rigid(rest, cloud)
     fitted: Array = np.einsum("fij,mj->fmi", rotation, shape) + shift[:, None]
     return fitted
 
@@ -219,7 +215,7 @@ def average_shape(cloud: Array) -> Array:
     shown = find_seen(cloud)
     shape: Array = cloud[int(np.argmax(shown.sum(axis=1)))]
     for _ in range(_SHAPE_ROUNDS):
-        rotation, shift = fit_rigid(shape, cloud)
+        rotation, shift = rigid.fit_rigid(shape, cloud)
         local = np.einsum("fji,fmj->fmi", rotation, cloud - shift[:, None])
         counted = np.isfinite(local).all(-1, keepdims=True)
         count = counted.sum(axis=0)

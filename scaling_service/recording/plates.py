@@ -7,21 +7,17 @@ which shows once the axes are known (:func:`orient_forces`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.model import trial
 from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording, RawPlate, list_plate_names
-from scaling_service.model.trial import (
-    Repair,
-    repair_each,
-)
-from scaling_service.numerics.signals.filters import filter_butterworth, find_runs
+from scaling_service.numerics.signals import filters
 from scaling_service.recording.orientation import Orientation
 
 BEYOND_M = 0.1  # chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets
@@ -34,19 +30,44 @@ or impacts appear on one side of the equation only (van den Bogert & de Koning 1
 ROUNDED = 0.25  # share of a step by which a time may be rounded and still stand on a regular clock (chosen)
 
 
-def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
+def compute_ground_forces(recording: PlateRecording | errors.TrialUnusable) -> GroundForces:
     """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
 
     Raises TrialUnusable if that is what reading the plates gave, or a loaded plate's centre of pressure lies
     mostly off the plate: units or corners are wrong.
     """
-    if isinstance(recording, TrialUnusable):
+    if isinstance(recording, errors.TrialUnusable):
         raise copy(recording)  # whoever catches it adds the file's path
     repairs = list(recording.repairs)
-    parts = [
-        _turn_to_laboratory(plate, name, recording.name, repairs)
-        for plate, name in zip(recording.plates, list_plate_names(len(recording.plates)), strict=True)
-    ]
+    parts = []
+    for plate, name in zip(recording.plates, list_plate_names(len(recording.plates)), strict=True):
+        # Force, moment about the laboratory's origin, middle and upward normal of one plate
+        force, moment = _read_wrench(plate, turned=False)
+        size = np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
+        inside = _share_inside(force, moment, size)
+        if inside < MOSTLY:
+            turned = _read_wrench(plate, turned=True)
+            if _share_inside(*turned, size) > inside:
+                force, moment = turned
+                inside = _share_inside(force, moment, size)
+                repairs.append(
+                    trial.Repair(
+                        what="plate_origin",
+                        where=name,
+                        detail="ORIGIN was taken with the opposite sign: else pressure is off the plate",
+                    )
+                )
+        if inside < MOSTLY:
+            raise errors.TrialUnusable(
+                f"the centre of pressure lies off {name} in {1 - inside:.0%} of its loaded samples",
+                file=recording.name,
+                field="FORCE_PLATFORM",
+                remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
+            )
+        R_lab_plate = find_plate_axes(plate.corners)
+        middle = plate.corners.mean(axis=0)
+        force, moment = force @ R_lab_plate.T, moment @ R_lab_plate.T
+        parts.append((force, moment + np.cross(middle, force), middle, -R_lab_plate[:, 2]))
     force, moment, middles, normals = (np.stack(list(x)) for x in zip(*parts, strict=True))
     return GroundForces(
         name=recording.name,
@@ -58,38 +79,6 @@ def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundFo
         normals=normals,
         repairs=tuple(repairs),
     )
-
-
-def _turn_to_laboratory(
-    plate: RawPlate, name: str, file: str, repairs: list[Repair]
-) -> tuple[Array, Array, Array, Array]:
-    """Force, moment about the laboratory's origin, middle and upward normal of one plate."""
-    force, moment = _KINDS[plate.kind](plate, False)
-    size = np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
-    inside = _share_inside(force, moment, size)
-    if inside < MOSTLY:
-        turned = _KINDS[plate.kind](plate, True)
-        if _share_inside(*turned, size) > inside:
-            force, moment = turned
-            inside = _share_inside(force, moment, size)
-            repairs.append(
-                Repair(
-                    what="plate_origin",
-                    where=name,
-                    detail="ORIGIN was taken with the opposite sign: else pressure is off the plate",
-                )
-            )
-    if inside < MOSTLY:
-        raise TrialUnusable(
-            f"the centre of pressure lies off {name} in {1 - inside:.0%} of its loaded samples",
-            file=file,
-            field="FORCE_PLATFORM",
-            remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
-        )
-    R_lab_plate = find_plate_axes(plate.corners)
-    middle = plate.corners.mean(axis=0)
-    force, moment = force @ R_lab_plate.T, moment @ R_lab_plate.T
-    return force, moment + np.cross(middle, force), middle, -R_lab_plate[:, 2]
 
 
 def find_plate_axes(corners: Array) -> Array:
@@ -109,42 +98,28 @@ def _share_inside(force: Array, moment: Array, size: Array) -> float:
     return float((np.abs(centre) <= size / 2 + BEYOND_M).all(axis=1).mean())
 
 
-def _read_type_1(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
-    """Force, its point on the surface and the vertical moment there."""
+def _read_wrench(plate: RawPlate, *, turned: bool) -> tuple[Array, Array]:
+    """Force and moment about the surface's middle, in the plate's axes; ``turned``: the sign of ORIGIN."""
     force = plate.signals[:, :3]
-    point = np.concatenate([plate.signals[:, 3:5], np.zeros((len(force), 1))], axis=1)
-    unloaded = np.isfinite(force).all(axis=1) & (force == 0).all(axis=1)
-    point[unloaded] = 0.0  # no force acts nowhere, whatever the file says
-    free = np.concatenate([np.zeros((len(force), 2)), plate.signals[:, 5:6]], axis=1)
-    return force, free + np.cross(-point if turned else point, force)
-
-
-def _read_type_2(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
-    """Force and moment about the sensors' origin; type 4 after its calibration matrix, too."""
-    force, moment = plate.signals[:, :3], plate.signals[:, 3:]
-    to_middle = plate.origin if plate.origin[2] <= 0 else -plate.origin  # sensors lie below, z points down
-    return force, moment - np.cross(-to_middle if turned else to_middle, force)
-
-
-def _read_type_3(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
-    """Eight piezo-electric sensors: x12, x34, y14, y23, z1, z2, z3, z4 at (±a, ±b)."""
-    x12, x34, y14, y23, z1, z2, z3, z4 = plate.signals.T
-    a, b, height = plate.origin
-    force = np.stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4], axis=1)
-    moment = np.stack(
-        [b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4), b * (-x12 + x34) + a * (y14 - y23)], axis=1
-    )
-    to_middle = np.array([0.0, 0.0, height if turned else -abs(height)])
-    return force, moment - np.cross(to_middle, force)
-
-
-_KINDS: dict[int, Callable[[RawPlate, bool], tuple[Array, Array]]] = {
-    1: _read_type_1,
-    2: _read_type_2,
-    3: _read_type_3,
-    4: _read_type_2,
-}
-"""Force and moment about the middle of the surface, in the plate's axes; the flag turns the origin round."""
+    if plate.kind == 1:  # force, its point on the surface and the vertical moment there
+        point = np.concatenate([plate.signals[:, 3:5], np.zeros((len(force), 1))], axis=1)
+        unloaded = np.isfinite(force).all(axis=1) & (force == 0).all(axis=1)
+        point[unloaded] = 0.0  # no force acts nowhere, whatever the file says
+        free = np.concatenate([np.zeros((len(force), 2)), plate.signals[:, 5:6]], axis=1)
+        return force, free + np.cross(-point if turned else point, force)
+    if plate.kind == 3:  # eight piezo-electric sensors: x12, x34, y14, y23, z1, z2, z3, z4 at (±a, ±b)
+        x12, x34, y14, y23, z1, z2, z3, z4 = plate.signals.T
+        a, b, height = plate.origin
+        force = np.stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4], axis=1)
+        moment = np.stack(
+            [b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4), b * (-x12 + x34) + a * (y14 - y23)], axis=1
+        )
+        to_middle = np.array([0.0, 0.0, height if turned else -abs(height)])
+        return force, moment - np.cross(to_middle, force)
+    # Types 2 and 4 (after its calibration matrix): the moment is about the sensors' origin, which lies below;
+    # z points down.
+    to_middle = plate.origin if plate.origin[2] <= 0 else -plate.origin
+    return force, plate.signals[:, 3:] - np.cross(-to_middle if turned else to_middle, force)
 
 
 def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
@@ -161,7 +136,7 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     )
     pressing = turned.pressing
     if np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0)) < 0:
-        note = Repair(
+        note = trial.Repair(
             what="force_sign", where=forces.name, detail="forces pull the body down; they were turned round"
         )
         return turned.change(note, force=-force, moment=-moment)
@@ -181,7 +156,7 @@ def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | No
     wanted = np.asarray(times, dtype=float)
     own = forces.times
     if own[-1] < wanted[0] or own[0] > wanted[-1]:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"forces from {own[0]:g} to {own[-1]:g} s and markers from {wanted[0]:g} to {wanted[-1]:g} s "
             "do not overlap",
             file=forces.name,
@@ -193,13 +168,21 @@ def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | No
     if cutoff_hz is not None:
         whole, more = _filter(whole, own, cutoff_hz, forces)
         repairs += more
-    sampled = np.stack(
-        [_sample(own, whole[:, k], wanted, cutoff_hz is not None) for k in range(whole.shape[1])], axis=1
-    )
+    # Smooth values by a cubic spline in each run, others by straight lines
+    sampled = np.full((len(wanted), *whole.shape[1:]), np.nan)
+    for k in range(whole.shape[1]):
+        values = whole[:, k]
+        if cutoff_hz is None:
+            sampled[:, k] = _interpolate(own, values, wanted)
+            continue
+        for start, stop in filters.find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
+            inside = _is_within(own[start:stop], wanted)
+            if stop - start > 1 and inside.any():
+                sampled[inside, k] = CubicSpline(own[start:stop], values[start:stop])(wanted[inside])
     outside = int(((wanted < own[0] - 1e-9) | (wanted > own[-1] + 1e-9)).sum())
     if outside:
         repairs.append(
-            Repair(
+            trial.Repair(
                 what="not_recorded",
                 where=forces.name,
                 detail="no forces at these frames of the markers",
@@ -210,7 +193,7 @@ def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | No
     return forces.change(*repairs, times=wanted, force=force, moment=moment, read=read)
 
 
-def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Array, list[Repair]]:
+def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Array, list[trial.Repair]]:
     """The regular clock that rounded times stand for; else values interpolated onto one."""
     n = len(times)
     if n < 3:
@@ -224,7 +207,7 @@ def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Ar
         regular,
         flat,
         [
-            Repair(
+            trial.Repair(
                 what="clock",
                 where=name,
                 detail="times are irregular; interpolated onto a regular clock",
@@ -236,40 +219,28 @@ def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Ar
 
 def _filter(
     values: Array, times: Array, cutoff_hz: float, forces: GroundForces
-) -> tuple[Array, list[Repair]]:
+) -> tuple[Array, list[trial.Repair]]:
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
     if not 0 < cutoff_hz < 0.5 * rate:
-        raise InputError(
+        raise errors.InputError(
             f"a cutoff of {cutoff_hz:g} Hz does not suit forces of {rate:g} Hz",
             file=forces.name,
             field="cutoff_hz",
             remedy=f"Choose one between 0 and {0.5 * rate:g} Hz",
         )
     whole = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
-    result = filter_butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
+    result = filters.filter_butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
     detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
-    notes = [Repair(what="smoothing", where=forces.name, detail=detail, frames=len(times))]
+    notes = [trial.Repair(what="smoothing", where=forces.name, detail=detail, frames=len(times))]
     brief = "known too briefly between gaps to be filtered"
-    return result.values, notes + repair_each(
+    return result.values, notes + trial.repair_each(
         np.any(result.unfiltered, axis=2), forces.plates, "not_smoothed", brief
     )
 
 
-def _sample(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
-    """Values (n, 7) at other times; smooth ones by a cubic spline in each run, others by straight lines."""
-    if not smooth:
-        return _interpolate(times, values, wanted)
-    result = np.full((len(wanted), values.shape[1]), np.nan)
-    for start, stop in find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
-        inside = _is_within(times[start:stop], wanted)
-        if stop - start > 1 and inside.any():
-            result[inside] = CubicSpline(times[start:stop], values[start:stop])(wanted[inside])
-    return result
-
-
 def _interpolate(times: Array, values: Array, wanted: Array) -> Array:
     result = np.full((len(wanted), values.shape[1]), np.nan)
-    for start, stop in find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
+    for start, stop in filters.find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
         inside = _is_within(times[start:stop], wanted)
         for column in range(values.shape[1]):
             result[inside, column] = np.interp(wanted[inside], times[start:stop], values[start:stop, column])

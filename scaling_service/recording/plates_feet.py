@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,12 +78,26 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     """
     names = tuple(feet)
     loaded = forces.in_contact()
-    away = np.stack([_measure_distances(forces.centre_of_pressure(), feet[f]) for f in names])
+    # Horizontal distance of each centre of pressure to lines between a foot's markers, (n_feet, n, n_plates)
+    at = forces.centre_of_pressure()[..., (0, 2)]
+    away = np.full((len(names), *at.shape[:2]), np.inf)
+    for best, name in zip(away, names, strict=True):
+        flat = feet[name][..., (0, 2)]
+        for i, j in combinations_with_replacement(range(flat.shape[1]), 2):
+            start, along = flat[:, i, None], (flat[:, j] - flat[:, i])[:, None]
+            square = (along**2).sum(axis=-1)
+            share = ((at - start) * along).sum(axis=-1) / np.where(square > 0, square, 1.0)
+            nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+            np.fmin(best, np.linalg.norm(at - nearest, axis=-1), out=best)
     on_floor, notes = _find_resting([feet[f] for f in names], forces.times, forces.name)
     foot = np.full(loaded.shape, NOBODY, dtype=np.intp)
-    spells = [(k, slice(*run)) for k, one in enumerate(loaded.T) for run in _find_contacts(one, forces.times)]
+    step = float(np.median(np.diff(forces.times))) if len(forces.times) > 1 else 0.0
+    runs = [(k, *run) for k, one in enumerate(loaded.T) for run in find_runs(one).tolist()]
+    spells = [(k, slice(start, stop)) for k, start, stop in runs if (stop - start) * step >= BRIEF_S]
     for k, rows in spells:
-        foot[rows, k] = _choose_foot(away[:, rows, k])
+        typical = [_take_median(distances) for distances in away[:, rows, k]]
+        nearest = int(np.argmin(typical))
+        foot[rows, k] = nearest if typical[nearest] < REACH_M else NOBODY
     for k, rows in spells:
         if foot[rows.start, k] == NOBODY and bool(
             np.median(forces.pressing[rows, k]) > ALIKE * np.nanmax(forces.pressing)
@@ -128,34 +143,34 @@ def assign_foot_loads(
     return SegmentLoads(forces.times, tuple(segments[f] for f in contacts.feet), force, moment)
 
 
-def _measure_distances(centre: Array, markers: Array) -> Array:
-    """Horizontal distance from centres of pressure to the lines between a foot's markers, (n, n_plates)."""
-    flat, at = markers[..., (0, 2)], centre[..., (0, 2)]
-    pairs = [(i, j) for i in range(flat.shape[1]) for j in range(i, flat.shape[1])]
-    best = np.full(at.shape[:2], np.inf)
-    for i, j in pairs:
-        start, along = flat[:, i, None], (flat[:, j] - flat[:, i])[:, None]
-        square = (along**2).sum(axis=-1)
-        share = ((at - start) * along).sum(axis=-1) / np.where(square > 0, square, 1.0)
-        nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
-        best = np.fmin(best, np.linalg.norm(at - nearest, axis=-1))
-    return best
-
-
 def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask, list[Repair]]:
     """Whether each foot rests, (n, n_feet): a marker near the floor, and one that moves with it.
 
     The floor is where the lower foot stands, for a foot may be in the air all the time. It moves on a
     treadmill: with the lowest marker of both feet.
     """
-    usual = [_find_usual_heights(markers) for markers in feet]
+    usual = []
+    for markers in feet:
+        # Height of each marker while its foot stands, (m,); infinite where it is never seen.
+        heights = [h[np.isfinite(h)] for h in markers[..., 1].T]
+        usual.append(np.array([np.percentile(h, 5) if len(h) else np.inf for h in heights]))
     floor = min(float(heights.min()) for heights in usual)
     above = [m[..., 1] - (h - h.min() + floor) for m, h in zip(feet, usual, strict=True)]
     heights = [np.where(np.isfinite(x), x, np.inf) for x in above]
-    velocities = [_differentiate_places(markers, times) for markers in feet]
-    belt = _measure_belt(np.concatenate(heights, axis=1), np.concatenate(velocities, axis=1))
+    velocities = []
+    for markers in feet:
+        # Horizontal velocities, (n, m, 2), m/s; zero for a single frame.
+        flat = markers[..., (0, 2)]
+        velocities.append(np.gradient(flat, times, axis=0) if len(times) > 1 else np.zeros_like(flat))
+    # Median velocity of the lowest marker, (2,); a floor that is no faster than a swinging foot stands still.
+    lowest = np.concatenate(heights, axis=1).argmin(axis=1)
+    with_floor = np.concatenate(velocities, axis=1)[np.arange(len(lowest)), lowest]
+    with_floor = with_floor[np.isfinite(with_floor).all(axis=1)]
+    belt = np.median(with_floor, axis=0) if len(with_floor) else np.zeros(2)
     notes = []
-    if belt.any():
+    if np.linalg.norm(belt) <= FAST_M_S:
+        belt = np.zeros(2)
+    else:
         detail = f"the floor moves at {np.linalg.norm(belt):.2f} m/s, as on a treadmill"
         notes.append(Repair(what="belt", where=name, detail=detail))
     resting = []
@@ -164,39 +179,6 @@ def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask,
         slowest = np.where(np.isfinite(speed), speed, np.inf).min(axis=1)
         resting.append((height.min(axis=1) < LIFTED_M) & (slowest < FAST_M_S))
     return np.stack(resting, axis=1), notes
-
-
-def _differentiate_places(markers: Array, times: Array) -> Array:
-    """Horizontal velocities, (n, m, 2), m/s; zero for a single frame."""
-    flat = markers[..., (0, 2)]
-    return np.gradient(flat, times, axis=0) if len(times) > 1 else np.zeros_like(flat)
-
-
-def _measure_belt(heights: Array, velocities: Array) -> Array:
-    """Median velocity of the lowest marker, (2,); zero below the speed of a swinging foot."""
-    lowest = heights.argmin(axis=1)
-    velocity = velocities[np.arange(len(lowest)), lowest]
-    velocity = velocity[np.isfinite(velocity).all(axis=1)]
-    belt = np.median(velocity, axis=0) if len(velocity) else np.zeros(2)
-    return belt if np.linalg.norm(belt) > FAST_M_S else np.zeros(2)
-
-
-def _find_usual_heights(markers: Array) -> Array:
-    """Height of each marker while its foot stands, (m,); infinite where it is never seen."""
-    heights = [h[np.isfinite(h)] for h in markers[..., 1].T]
-    return np.array([np.percentile(h, 5) if len(h) else np.inf for h in heights])
-
-
-def _find_contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return [(a, b) for a, b in find_runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
-
-
-def _choose_foot(away: Array) -> int:
-    """The foot of one contact from distances (n_feet, n)."""
-    typical = [_take_median(distances) for distances in away]
-    nearest = int(np.argmin(typical))
-    return nearest if typical[nearest] < REACH_M else NOBODY
 
 
 def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> int:

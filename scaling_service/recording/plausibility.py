@@ -10,12 +10,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-    is_unlabelled,
-    repair_each,
-)
+from scaling_service.model.trial import Repair, Trial, is_unlabelled, repair_each
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import EXPLAINED, Clusters, Shape, find_exchanges, measure_shape
 
@@ -206,7 +201,15 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
     ``trials``: in m. Of two recordings that contradict each other the first tells. Labels that stand for each
     other are for :func:`find_exchanges`, and tell nothing here.
     """
-    some = [_thin(trial, max(1, trial.n_frames // _FRAMES)) for trial in trials]
+    some = []
+    for trial in trials:
+        # Every so many frames of a recording
+        step = max(1, trial.n_frames // _FRAMES)
+        some.append(
+            replace(
+                trial, times=trial.times[::step], markers=trial.markers[::step], rate_hz=trial.rate_hz / step
+            )
+        )
     shapes = {trial.name: measure_shape([trial], clusters) for trial in some}
     reported: set[tuple[str, str]] = set()
     for trial in some:
@@ -218,13 +221,6 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
             found = [item for item in found if exchanged.isdisjoint((item.label, item.neighbour))]
         yield from (item for item in found if (item.label, item.other) not in reported)
         reported |= {(item.label, item.trial) for item in found}
-
-
-def _thin(trial: Trial, step: int) -> Trial:
-    """Every so many frames of a recording."""
-    return replace(
-        trial, times=trial.times[::step], markers=trial.markers[::step], rate_hz=trial.rate_hz / step
-    )
 
 
 def _find_moved(

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Repair, Trial
 
 _Kind = TypeVar("_Kind", bound=Trial)
 
@@ -51,28 +48,26 @@ def choose_repeated(trials: Sequence[_Kind]) -> list[_Kind]:
         for name in asked.keys() & set(sound):
             others = [label for label in sound if label != name]
             usual[name] = dict(zip(others, _measure(trial, name, others), strict=True)) | usual[name]
-    return [_choose(trial, twice, usual) for trial, twice in zip(trials, repeated, strict=True)]
-
-
-def _choose(
-    trial: _Kind, repeated: Mapping[str, Sequence[str]], usual: Mapping[str, Mapping[str, float]]
-) -> _Kind:
-    for name, further in repeated.items():
-        others = [o for o in trial.shown_labels if o in usual[name]]
-        if not others:
-            continue
-        there = np.array([usual[name][o] for o in others])
-        off = {point: np.median(np.abs(_measure(trial, point, others) - there)) for point in (name, *further)}
-        best = min(off, key=lambda point: (np.isnan(off[point]), off[point]))
-        if best != name:
-            exchanged = {name: best, best: name}
-            detail = f"the point after it has the name: it lies as {name} does in the other recordings"
-            trial = replace(
-                trial,
-                labels=tuple(exchanged.get(label, label) for label in trial.labels),
-                repairs=(*trial.repairs, Repair(what="duplicate", where=name, detail=detail)),
-            )
-    return trial
+    chosen = []
+    for trial, twice in zip(trials, repeated, strict=True):
+        for name, further in twice.items():
+            others = [o for o in trial.shown_labels if o in usual[name]]
+            if not others:
+                continue
+            there = np.array([usual[name][o] for o in others])
+            points = (name, *further)
+            off = {p: np.median(np.abs(_measure(trial, p, others) - there)) for p in points}
+            best = min(points, key=lambda point: (np.isnan(off[point]), off[point]))
+            if best != name:
+                exchanged = {name: best, best: name}
+                detail = f"the point after it has the name: it lies as {name} does in the other recordings"
+                trial = replace(
+                    trial,
+                    labels=tuple(exchanged.get(label, label) for label in trial.labels),
+                    repairs=(*trial.repairs, Repair(what="duplicate", where=name, detail=detail)),
+                )
+        chosen.append(trial)
+    return chosen
 
 
 def _measure(trial: Trial, one: str, others: Sequence[str]) -> Array:

@@ -9,8 +9,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
-from scaling_service.recording import findings
-from scaling_service.recording.witnesses import FRAMES, measure_within_segments
+from scaling_service.recording import findings, witnesses
 
 _BONY = (
     ("RLFE", "RLM"), ("LLFE", "LLM"), ("RASIS", "LASIS"), ("RPSIS", "LPSIS"), ("RASIS", "RPSIS"),
@@ -49,8 +48,21 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[findings.Finding]:
     Bones that differ in size are another person's or another scale's. Markers that all sit elsewhere may have
     been put on anew, which a recording of another day is told of and not refused.
     """
-    bones = [_measure_bony(trial) for trial in trials]
-    segments = [measure_within_segments(trial, findings.list_roles(trial)) for trial in trials]
+    bones = []
+    for trial in trials:
+        inverse = {role: label for label, role in findings.list_roles(trial).items()}
+        step = max(1, trial.n_frames // witnesses.FRAMES)
+        found = {}
+        for a, b in _BONY:
+            if a in inverse and b in inverse:
+                distance = np.linalg.norm(
+                    (trial.position(inverse[a]) - trial.position(inverse[b]))[::step], axis=1
+                )
+                known = distance[np.isfinite(distance)]
+                if len(known):
+                    found[a, b] = float(np.median(known))
+        bones.append(found)
+    segments = [witnesses.measure_within_segments(trial, findings.list_roles(trial)) for trial in trials]
     odds: dict[tuple[int, int], tuple[float, float, float]] = {}
     for i, j in combinations(range(len(trials)), 2):
         anew = _weigh_anew(segments[i], segments[j])
@@ -111,21 +123,6 @@ def _weigh_anew(
         )
         total += float(np.log(anew) - np.log((1.0 - _ODD_SEGMENT) * same + _ODD_SEGMENT * anew))
     return total
-
-
-def _measure_bony(trial: Trial) -> dict[tuple[str, str], float]:
-    inverse = {role: label for label, role in findings.list_roles(trial).items()}
-    step = max(1, trial.n_frames // FRAMES)
-    found = {}
-    for a, b in _BONY:
-        if a in inverse and b in inverse:
-            distance = np.linalg.norm(
-                (trial.position(inverse[a]) - trial.position(inverse[b]))[::step], axis=1
-            )
-            known = distance[np.isfinite(distance)]
-            if len(known):
-                found[a, b] = float(np.median(known))
-    return found
 
 
 def _weigh_another(here: Array, there: Array) -> tuple[float, float]:

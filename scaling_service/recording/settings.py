@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field
 
-from scaling_service.core.options import LARGEST, Options
+from scaling_service.core import options
 
 DYNAMICS_CUTOFF_HZ = 5.0
 """Of the filter that motion and forces pass before their rates are taken: Muller et al. 2017, sec. 2.1."""
@@ -25,7 +25,7 @@ LEAST_RATE = 4.0
 camera's white noise lies beyond the cutoff, and the filter costs more of the movement than it takes off."""
 
 
-class ProcessingSettings(Options):
+class ProcessingSettings(options.Options):
     """What is done to a recording; gaps are filled as Puchaud et al. 2019, sec. 2.1, fill them.
 
     Examples
@@ -43,13 +43,13 @@ class ProcessingSettings(Options):
     cutoff_hz: float = Field(
         default=SMOOTHING_HZ,
         ge=0.0,
-        le=LARGEST,
+        le=options.LARGEST,
         description="Where the low pass has half power (chosen: between walking and running).",
     )
     longest_spline_s: float = Field(
         default=LONGEST_SPLINE_S,
         ge=0.0,
-        le=LARGEST,
+        le=options.LARGEST,
         description="Gaps up to this long are interpolated by a spline.",
     )
     solidify: bool = Field(

@@ -106,7 +106,11 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
             if np.isfinite(cosine):
                 alike, unlike = np.log(_weigh(np.array([cosine, -cosine]), _BESIDE, WRONG))
                 total += np.where(states[:, a] == states[:, b], alike, unlike)
-    votes = np.array([[_vote(w, p, line) for p, line in zip(pairs, lines, strict=True)] for w in witnesses])
+    votes = np.full((len(witnesses), len(pairs)), np.nan)
+    for row, witness in zip(votes, witnesses, strict=True):
+        for k, (pair, line) in enumerate(zip(pairs, lines, strict=True)):
+            if pair.region in witness.regions:
+                row[k] = take_median(np.einsum("fi,fi->f", normalise(witness.right), line))
     # Log density of what a witness says if it can be trusted.
     likely = np.zeros((len(witnesses), len(states)))
     for k, row in enumerate(votes):
@@ -200,12 +204,6 @@ def _weigh(cosine: Array, usual: tuple[float, float], tail: float) -> Array:
     normal = np.exp(-0.5 * ((cosine - mean) / sd) ** 2) / (sd * np.sqrt(2.0 * np.pi))
     density: Array = (1.0 - tail) * normal + tail * 0.5
     return density
-
-
-def _vote(witness: Witness, pair: SidePair, line: Array) -> float:
-    if pair.region not in witness.regions:
-        return float("nan")
-    return take_median(np.einsum("fi,fi->f", normalise(witness.right), line))
 
 
 def _list_states(pairs: Sequence[SidePair]) -> tuple[Array, Array]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
+from scaling_service.model.anatomy import anthropometry
 from scaling_service.model.trial import Trial
-from scaling_service.recording import findings
-from scaling_service.recording.witnesses import FRAMES, measure_within_segments
+from scaling_service.recording import findings, witnesses
 
 DEVIATIONS = 5.0
 """Beyond which a size is not a person's: of ANSUR II's soldiers and children by stature, see
@@ -91,7 +90,9 @@ def ask_sizes(
     trials: Sequence[Trial], static: str | None, stated: findings.Stated
 ) -> Iterator[findings.Finding]:
     """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
-    people = predict_dimensions(sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg)
+    people = anthropometry.predict_dimensions(
+        sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg
+    )
     for trial in trials:
         found = list(_ask_sizes_of(trial, people, stated, standing=trial.name == static))
         yield from found or _ask_reaches(trial, stated)
@@ -99,7 +100,7 @@ def ask_sizes(
 
 def _ask_reaches(trial: Trial, stated: findings.Stated) -> Iterator[findings.Finding]:
     """Whether a label is on another segment than its name says."""
-    distances = measure_within_segments(trial, findings.list_roles(trial))
+    distances = witnesses.measure_within_segments(trial, findings.list_roles(trial))
     tall = (stated.height_m or _TALLEST_M) * (1.0 + MISSTATED)
     far = {ends: size for ends, size in distances.items() if size > tall * _REACHES[ends[0].split()[0]]}
     labels = [label for _, *ends in far for label in ends]
@@ -132,12 +133,16 @@ class _Measured:
     at_most: bool
 
 
-def _measure_sizes(trial: Trial, people: DimensionPrior, *, standing: bool) -> Iterator[_Measured]:
-    step = max(1, trial.n_frames // FRAMES)
+def _measure_sizes(
+    trial: Trial, people: anthropometry.DimensionPrior, *, standing: bool
+) -> Iterator[_Measured]:
+    step = max(1, trial.n_frames // witnesses.FRAMES)
     where = {
         role: (label, trial.position(label)[::step]) for label, role in findings.list_roles(trial).items()
     }
-    sides = [_on_side(size, side) for size in _SIZES for side in "RL"]
+    sides = [
+        replace(size, ends=(side + size.ends[0], side + size.ends[1])) for size in _SIZES for side in "RL"
+    ]
     for size in (*sides, *_ACROSS):
         if all(end in where for end in size.ends):
             (a, one), (b, other) = (where[end] for end in size.ends)
@@ -165,7 +170,9 @@ def _is_upright(where: Mapping[str, Array]) -> bool:
     return len(rises) > 1 and all(rise[1] > _UPRIGHT * np.linalg.norm(rise) for rise in rises)
 
 
-def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: DimensionPrior) -> _Measured | None:
+def _compare(
+    size: _Size, labels: tuple[str, ...], values: Array, people: anthropometry.DimensionPrior
+) -> _Measured | None:
     known = values[np.isfinite(values)]
     if not len(known) or np.median(known) <= 0.0:
         return None
@@ -185,7 +192,7 @@ def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: Dimens
 
 
 def _ask_sizes_of(
-    trial: Trial, people: DimensionPrior, stated: findings.Stated, *, standing: bool
+    trial: Trial, people: anthropometry.DimensionPrior, stated: findings.Stated, *, standing: bool
 ) -> Iterator[findings.Finding]:
     found = list(_measure_sizes(trial, people, standing=standing))
     exact = [k for k, one in enumerate(found) if not one.at_most]
@@ -202,7 +209,11 @@ def _ask_sizes_of(
     rest = np.array([one.sd_m for one in found])[exact] / usual[exact]
     weights = np.linalg.solve(shared[np.ix_(exact, exact)] + np.diag(rest**2), np.ones(len(exact)))
     scale, sd = float(weights @ off[exact] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
-    prior = _describe_prior(stated)
+    if stated.height_m is None:
+        prior = "of unknown height, child or adult"
+    else:
+        kind = "by a child's or an adult's proportions" if stated.height_m < 1.5 else "by ANSUR II"
+        prior = f"of {stated.height_m:.2f} m, {kind}"
     doubt = float(np.hypot(sd, misstated))
     wrong = [
         k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)
@@ -240,15 +251,3 @@ def _ask_sizes_of(
             f"{abs(scale) / sd:.1f} standard deviations off",
             remedy="Check the person's height and the calibration of the volume",
         )
-
-
-def _on_side(size: _Size, side: str) -> _Size:
-    one, other = size.ends
-    return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, at_most=size.at_most)
-
-
-def _describe_prior(stated: findings.Stated) -> str:
-    if stated.height_m is None:
-        return "of unknown height, child or adult"
-    kind = "by a child's or an adult's proportions" if stated.height_m < 1.5 else "by ANSUR II"
-    return f"of {stated.height_m:.2f} m, {kind}"

@@ -11,10 +11,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy import markers
-from scaling_service.model.trial import (
-    Trial,
-    is_unlabelled,
-)
+from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import MOST_COMPARED
 from scaling_service.recording.repeated import list_repeated
@@ -95,16 +92,13 @@ class Body:
                 continue
             name = roles.get(label) or markers.make_plain_key(label)
             self.columns.setdefault(name, k)
-            region = self._find_region(label, name)
+            meant = markers.look_up_meaning(name) or markers.look_up_meaning(label)
+            if meant is not None:
+                region = _SEGMENTS.get(meant.segment)
+            else:
+                region = next((part for part, words in _WORDS if re.search(words, name)), None)
             if region is not None:
                 self.regions[name] = region
-
-    @staticmethod
-    def _find_region(label: str, name: str) -> str | None:
-        meant = markers.look_up_meaning(name) or markers.look_up_meaning(label)
-        if meant is not None:
-            return _SEGMENTS.get(meant.segment)
-        return next((region for region, words in _WORDS if re.search(words, name)), None)
 
     def at(self, *names: str) -> Array | None:
         """Mean of the places that are known, NaN where one of them is not seen; None if none is."""
@@ -170,13 +164,11 @@ class Body:
             for side, sign in (("R", 1.0), ("L", -1.0)):
                 if outer_pair is None or f"{side}{inner}" not in self.columns or not rights:
                     continue
-                line = sign * normalise(self._line(f"{side}{outer}", f"{side}{inner}"))
+                ends = [self.markers[:, self.columns[f"{side}{name}"]] for name in (outer, inner)]
+                line = sign * normalise(ends[0] - ends[1])
                 cosines = [take_median(np.einsum("fi,fi->f", line, right)) for right in rights]
                 if np.isfinite(cosines).any():
                     yield outer_pair, float(np.nanmedian(cosines))
-
-    def _line(self, one: str, other: str) -> Array:
-        return self.markers[:, self.columns[one]] - self.markers[:, self.columns[other]]
 
     def find_witnesses(self) -> Iterator[Witness]:
         """What shows the front of each part of the body."""

@@ -62,9 +62,19 @@ class Report:
         said = f'<p class="note">{escape(lacking)}</p>'
         note = f"<noscript>{said}</noscript>" if script else said
         views = f"{self._write_data()}<script>{script}</script>" if script else ""
+        if licences:
+            title = "Licences of what this file is made of"
+            licences = f"<details><summary>{title}</summary><pre>{escape(licences)}</pre></details>"
+        # Nothing from elsewhere, and only this script
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        scripts = f"'sha256-{digest}'" if script else "'none'"
+        policy = (
+            f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
+            "base-uri 'none'; form-action 'none'"
+        )
         return (
             '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-            f'<meta http-equiv="Content-Security-Policy" content="{_write_policy(script)}">'
+            f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
             f'<meta name="color-scheme" content="light dark"><title>{escape(self.summary.title)}</title>'
             # plotly writes its styles into an element of this id, unless the element says not to
@@ -73,7 +83,7 @@ class Report:
             f'<main id="main">{self.summary.html()}{note}</main>'
             f"<footer>scaling-service {escape(code_version())}, Apache-2.0. All numbers are in "
             f"<code>{escape(self.name)}</code>, too."
-            f"{_fold_licences(licences)}</footer>{views}</body></html>\n"
+            f"{licences}</footer>{views}</body></html>\n"
         )
 
     def _write_data(self) -> str:
@@ -104,27 +114,6 @@ def collect_files(write: Callable[[Path], object]) -> dict[str, bytes]:
         write(folder)
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
-
-
-def _fold_licences(text: str) -> str:
-    if not text:
-        return ""
-    title = "Licences of what this file is made of"
-    return f"<details><summary>{title}</summary><pre>{escape(text)}</pre></details>"
-
-
-def _write_policy(script: str) -> str:
-    """Nothing from elsewhere, and only this script."""
-    scripts = f"'sha256-{_digest(script)}'" if script else "'none'"
-    return (
-        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
-        "base-uri 'none'; form-action 'none'"
-    )
-
-
-@lru_cache(maxsize=2)
-def _digest(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 @lru_cache(maxsize=8)

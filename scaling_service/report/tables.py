@@ -5,7 +5,7 @@ Every text is escaped here, so that callers hand over what files and labels say 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -73,7 +73,14 @@ class Table:
         """One ``figure`` with a ``table`` that scrolls sideways where it is wider than the page."""
         words = ' class="words"' if self.words else ""
         head = "".join(f'<th scope="col"{words}>{escape(column)}</th>' for column in self.columns)
-        body = "".join(self._write_rows())
+        body = ""
+        for row in self.rows:
+            span = "" if row.cells else f' colspan="{len(self.columns)}"'
+            header = to_cell(row.header).html("th", f' scope="row"{span}')
+            cells = (to_cell(cell) for cell in row.cells)
+            # a cell's tone is a class of its own
+            shown = (cell.html("td", words if cell.tone == "plain" else "") for cell in cells)
+            body += f"<tr>{header}{''.join(shown)}</tr>"
         note = f'<p class="note">{escape(self.note)}</p>' if self.note else ""
         return (
             f'<figure class="tabular"><figcaption class="caption">{escape(self.caption)}</figcaption>'
@@ -81,16 +88,6 @@ class Table:
             f'<table aria-label="{escape(self.caption)}">'
             f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{note}</figure>"
         )
-
-    def _write_rows(self) -> Iterator[str]:
-        words = ' class="words"' if self.words else ""
-        for row in self.rows:
-            span = "" if row.cells else f' colspan="{len(self.columns)}"'
-            header = to_cell(row.header).html("th", f' scope="row"{span}')
-            cells = (to_cell(cell) for cell in row.cells)
-            # a cell's tone is a class of its own
-            shown = (cell.html("td", words if cell.tone == "plain" else "") for cell in cells)
-            yield f"<tr>{header}{''.join(shown)}</tr>"
 
 
 def to_cell(cell: str | Cell) -> Cell:

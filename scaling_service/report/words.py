@@ -31,15 +31,47 @@ def unite_keys(mappings: Iterable[Mapping[str, object]]) -> list[str]:
     return list(dict.fromkeys(name for mapping in mappings for name in mapping))
 
 
+_SHORT = {
+    "calcn": "heel bone",
+    "mtp_angle": "toe angle",
+    "arm_flex": "arm flexion",
+    "arm_add": "arm adduction",
+    "arm_rot": "arm rotation",
+    "elbow_flex": "elbow flexion",
+    "pro_sup": "forearm rotation",
+}
+"""Names of OpenSim's models and of this program that are no words."""
+
+
 def spell_name(name: str) -> str:
-    """A coordinate's or a joint's name for people.
+    """A coordinate's, joint's or segment's name for people.
 
     Examples
     --------
-    >>> spell_name("hip_flexion_r")
-    'hip flexion, right'
+    >>> spell_name("hip_flexion_r"), spell_name("arm_flex_l")
+    ('hip flexion, right', 'arm flexion, left')
     """
     stem, _, side = name.rpartition("_")
     if stem and side in ("r", "l"):
-        return f"{stem.replace('_', ' ')}, {'right' if side == 'r' else 'left'}"
-    return name.replace("_", " ")
+        return f"{spell_name(stem)}, {'right' if side == 'r' else 'left'}"
+    return _SHORT.get(name, name.replace("_", " "))
+
+
+_OF_PARAMETERS = {"scale": "length", "axis": "axis", "centre": "centre"}
+
+
+def spell_parameters(names: Iterable[str]) -> list[str]:
+    """Numbers of a model for people: what of which part; components of one place once.
+
+    Examples
+    --------
+    >>> spell_parameters(["scale.femur_l", "centre.hip_r.x", "centre.hip_r.z"])
+    ["the left femur's length", "the right hip's centre"]
+    """
+    found = []
+    for name in names:
+        group, _, place = name.partition(".")
+        words, _, side = spell_name(place.split(".")[0]).partition(", ")
+        known = group in _OF_PARAMETERS and place
+        found.append(f"the {side + ' ' if side else ''}{words}'s {_OF_PARAMETERS[group]}" if known else name)
+    return list(dict.fromkeys(found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
@@ -12,11 +12,10 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import count_cores
-from scaling_service.documents import writing
-from scaling_service.documents.base import Part, Tone
+from scaling_service.documents import base, writing
+from scaling_service.report import tables as report_tables
 from scaling_service.report.onefile import Report
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Cell, Row, Table
 
 STUDY_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
@@ -25,13 +24,13 @@ DOCUMENT = "study.json"
 
 _PERSONS = 1000  # chosen: cohorts of different seeds share nobody
 
-PersonDone = Callable[[str, int, int], None]
+PersonDone = abc.Callable[[str, int, int], None]
 """Called with a person's name, how many are done, and of how many."""
 
 Study = TypeVar("Study", bound="StudyDocument")
 Person = TypeVar("Person", bound="PersonPart")
 
-HOLDS: dict[bool | None, tuple[str, Tone]] = {
+HOLDS: dict[bool | None, tuple[str, base.Tone]] = {
     True: ("holds", "good"),
     False: ("does not hold", "poor"),
     None: ("undecided", "unknown"),
@@ -54,22 +53,22 @@ class Claim(Generic[Study]):
     where: str  # section, table or figure; "truth" or "beyond" where the paper could not tell
     text: str
     paper: str
-    ask: Callable[[Study], Answer]
+    ask: abc.Callable[[Study], Answer]
 
 
 def claim(
     claims: list[Claim[Study]], where: str, text: str, paper: str
-) -> Callable[[Callable[[Study], Answer]], Callable[[Study], Answer]]:
+) -> abc.Callable[[abc.Callable[[Study], Answer]], abc.Callable[[Study], Answer]]:
     """A decorator that adds a claim to those of a paper, decided by the question that follows."""
 
-    def add(ask: Callable[[Study], Answer]) -> Callable[[Study], Answer]:
+    def add(ask: abc.Callable[[Study], Answer]) -> abc.Callable[[Study], Answer]:
         claims.append(Claim(where, text, paper, ask))
         return ask
 
     return add
 
 
-class ClaimEntry(Part):
+class ClaimEntry(base.Part):
     """One claim of the paper, and whether it holds here."""
 
     where: str
@@ -79,13 +78,13 @@ class ClaimEntry(Part):
     ours: str = Field(description="The figures that the answer rests on.")
 
 
-class PersonPart(Part):
+class PersonPart(base.Part):
     """What is found of one virtual person."""
 
     name: str
 
 
-class StudyDocument(Part):
+class StudyDocument(base.Part):
     """What ``study.json`` says of every study."""
 
     schema_version: int = STUDY_SCHEMA_VERSION
@@ -117,7 +116,7 @@ def draw_person_seeds(seed: int, count: int) -> tuple[int, ...]:
 
 
 def study_persons(
-    study: Callable[..., Person],
+    study: abc.Callable[..., Person],
     seed: int,
     subjects: int,
     *settings: object,
@@ -138,7 +137,7 @@ def study_persons(
     )
 
 
-def answer_claims(study: Study, claims: Sequence[Claim[Study]]) -> Study:
+def answer_claims(study: Study, claims: abc.Sequence[Claim[Study]]) -> Study:
     """The document with every claim's answer in it."""
     answers = [(claim, claim.ask(study)) for claim in claims]
     entries = [
@@ -157,33 +156,38 @@ def save_study(document: StudyDocument, summary: Summary, folder: str | Path) ->
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
-def summarise_study(title: str, document: StudyDocument, tables: Iterable[Table]) -> Summary:
+def summarise_study(
+    title: str, document: StudyDocument, tables: abc.Iterable[report_tables.Table]
+) -> Summary:
     """A study in short: how many claims hold, what differs from the paper, every claim, and the tables."""
     every = all(claim.holds for claim in document.claims)
+    # Every claim, and whether it holds here
+    rows = []
+    for claim in document.claims:
+        word, tone = HOLDS[claim.holds]
+        rows.append(
+            report_tables.Row(
+                claim.where, [claim.claim, report_tables.Cell(word, tone=tone), claim.paper, claim.ours]
+            )
+        )
     return Summary(
         title=f"{title}, done again on virtual persons",
         subtitle=document.source,
         headline=f"{count_held(document)} claims hold on these {document.size} persons; what differs:",
         tone="good" if every else "fair",
         why=document.notes,
-        tables=[_tabulate_claims(document), *tables],
+        tables=[
+            report_tables.Table(
+                caption="Claim by claim",
+                columns=["where", "claim", "here", "in the paper", "here, in figures"],
+                rows=rows,
+                words=True,
+            ),
+            *tables,
+        ],
     )
 
 
 def count_held(document: StudyDocument) -> str:
     """How many claims hold, of how many."""
     return f"{sum(claim.holds is True for claim in document.claims)} of {len(document.claims)}"
-
-
-def _tabulate_claims(document: StudyDocument) -> Table:
-    """Every claim, and whether it holds here."""
-    rows = []
-    for claim in document.claims:
-        word, tone = HOLDS[claim.holds]
-        rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
-    return Table(
-        caption="Claim by claim",
-        columns=["where", "claim", "here", "in the paper", "here, in figures"],
-        rows=rows,
-        words=True,
-    )

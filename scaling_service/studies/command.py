@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import abc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from scaling_service.capabilities.shared import flags, screen
-from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.studies.benchmark.command import benchmark as benchmark
 
 COMMANDS = ("reproduce", "benchmark")
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scaling_service.report.tables import Table
     from scaling_service.studies.claims import StudyDocument
 
-IN_TURN = Settings(calibration=CalibrationSettings(strategy="alternating"))
+IN_TURN = shared_settings.Settings(calibration=shared_settings.CalibrationSettings(strategy="alternating"))
 """As the paper has it."""
 
 
@@ -72,7 +72,7 @@ def reproduce(
     recording: _Recordings = None,
     generic: _Generic = "mean",
     workers: _Workers = None,
-    settings: Annotated[Settings, flags.Only("strategy", "n_frames", "seed")] = IN_TURN,
+    settings: Annotated[shared_settings.Settings, flags.Only("strategy", "n_frames", "seed")] = IN_TURN,
 ) -> None:
     """Do a paper's study again on virtual persons, and ask of each of its claims whether it holds.
 
@@ -92,10 +92,10 @@ def reproduce(
 
     check_folder(out)
     document: StudyDocument
-    tables: Iterable[Table]
+    tables: abc.Iterable[Table]
     if study == "puchaud2019":
         from scaling_service.capabilities.cohort.screen import show_progress
-        from scaling_service.studies.puchaud2019 import document as puchaud2019
+        from scaling_service.studies.puchaud2019 import result as puchaud2019
         from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 
         with show_progress() as watcher:
@@ -137,7 +137,9 @@ def _show_person(name: str, done: int, count: int) -> None:
     Console(stderr=True).print(f"{done} of {count}  {name}", markup=False, highlight=False)
 
 
-def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, files: Sequence[str]) -> None:
+def _show_study(
+    document: StudyDocument, tables: abc.Iterable[Table], out: Path, files: abc.Sequence[str]
+) -> None:
     """The tables, every claim, and what was written."""
     from scaling_service.studies.claims import HOLDS, count_held
 

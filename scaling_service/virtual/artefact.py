@@ -64,21 +64,20 @@ def draw_artefact(seed: int, model: body.BodyModel, reference: Mapping[str, floa
     ``reference``: the coordinates in the standing posture, rad. ``size``: multiplies every coefficient; one
     for the literature's, zero for none.
     """
-    coefficients = {m.name: _draw_coefficients(seed, m, size) for m in model.markers if m.weight > 0.0}
+    coefficients = {}
+    for m in model.markers:
+        if m.weight > 0.0:
+            side = m.name[0].lower() if m.segment == "pelvis" else m.segment[-1]
+            table = {"p": PELVIS_MM_PER_DEG, "f": THIGH_MM_PER_DEG, "t": SHANK_MM_PER_DEG}[m.segment[0]]
+            found = {}
+            for driver, spread in table.items():
+                coordinate = f"{driver}_{side}"
+                drawn = draw_shared(seed, "artefact", m.segment, coordinate, marker=m.name)
+                found[coordinate] = body.to_vector(size * _PER_DEG * np.array(spread) * drawn)
+            coefficients[m.name] = found
     low, high = RESIDUAL_MM
     residual = 1e-3 * size * stream(seed, "artefact", "residual").uniform(low, high)
     return Artefact(coefficients, dict(reference), float(residual))
-
-
-def _draw_coefficients(seed: int, marker: body.Marker, size: float) -> dict[str, body.Vector]:
-    side = marker.name[0].lower() if marker.segment == "pelvis" else marker.segment[-1]
-    table = {"p": PELVIS_MM_PER_DEG, "f": THIGH_MM_PER_DEG, "t": SHANK_MM_PER_DEG}[marker.segment[0]]
-    found = {}
-    for driver, spread in table.items():
-        coordinate = f"{driver}_{side}"
-        drawn = draw_shared(seed, "artefact", marker.segment, coordinate, marker=marker.name)
-        found[coordinate] = body.to_vector(size * _PER_DEG * np.array(spread) * drawn)
-    return found
 
 
 def draw_shared(seed: int, *names: str | int, marker: str, count: int = 3) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 from trimesh.exchange.stl import export_stl
 
-from scaling_service.bones.whole import collect_evidence, find_landmarks
+from scaling_service.bones import whole
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
@@ -29,7 +29,7 @@ from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Bone, ImageEvidence, ImagePose, Trial
+from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.artefact import glide_marker
 from scaling_service.virtual.bones.person import make_virtual_bones
@@ -135,14 +135,32 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
         if name in person.model.segment_names
     }
     found = make_virtual_bones(person, progress=progress)
-    bones = {
-        name: Bone(_reconstruct_surface(person, name, poses[name], vertices), faces)
-        for name, (vertices, faces) in found.meshes.items()
-    }
+    bones = {}
+    for name, (vertices, faces) in found.meshes.items():
+        # A bone's surface in the image, as reconstructed
+        pose = poses[name]
+        spread = 1e-3 * person.settings.image * SURFACE_MM / _MEAN_OF_NORMAL
+        # A smooth random field of vectors at points (n, 3), each component of SD 1: a sum of plane waves
+        # whose wave vectors are normal, so that the field's correlation falls with distance as a Gaussian
+        # does (random Fourier features; Rahimi and Recht 2007).
+        rng = stream(person.seed, "image", "surface", name)
+        waves = rng.normal(size=(3, 3, _WAVES)) / SURFACE_LENGTH_M
+        phases = rng.uniform(0.0, 2.0 * np.pi, (3, _WAVES))
+        field = [np.cos(vertices @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
+        away = np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field))
+        bones[name] = Bone(_place_points(pose, vertices + spread * away), faces)
     knees = {knee: compute_axis(tilt) for knee, tilt in person.tilts.items()}
+    # Where the person wears them, misplaced as in the recordings, as far as they can be located
+    spread = 1e-3 * person.settings.image * MARKER_MM
+    worn = {}
+    for marker in person.model.markers:
+        if marker.weight > 0.0:
+            at = _place_points(poses[marker.segment], np.array(marker.nominal))
+            error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
+            worn[marker.name] = (marker.segment, body.to_vector(at + error))
     return VirtualImage(
         bones=bones,
-        markers=_place_markers(person, poses),
+        markers=worn,
         centres={
             name: body.to_vector(_place_points(poses[segment], np.array(at)))
             for name, (segment, at) in find_joint_centres(person.model).items()
@@ -164,39 +182,12 @@ def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None
     ``progress``: called with the name of each bone before its turn. MeshRefused: landmarking refuses a bone.
     """
     meshes = {name: (bone.vertices, bone.faces) for name, bone in image.bones.items()}
-    return collect_evidence(find_landmarks(meshes, progress=progress), image.markers, image.bones)
+    return whole.collect_evidence(whole.find_landmarks(meshes, progress=progress), image.markers, image.bones)
 
 
 def _place_points(pose: ImagePose, points: Array) -> Array:
     """Points of a segment, (n, 3) or (3,), in the image, m."""
     return points @ pose.rotation.T + pose.origin
-
-
-def _place_markers(
-    person: VirtualSubject, poses: Mapping[str, ImagePose]
-) -> dict[str, tuple[str, body.Vector]]:
-    """Where the person wears them, misplaced as in the recordings, as far as they can be located."""
-    spread = 1e-3 * person.settings.image * MARKER_MM
-    found = {}
-    for marker in person.model.markers:
-        if marker.weight > 0.0:
-            at = _place_points(poses[marker.segment], np.array(marker.nominal))
-            error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
-            found[marker.name] = (marker.segment, body.to_vector(at + error))
-    return found
-
-
-def _reconstruct_surface(person: VirtualSubject, bone: str, pose: ImagePose, vertices: Array) -> Array:
-    """A bone's surface in the image, as reconstructed."""
-    spread = 1e-3 * person.settings.image * SURFACE_MM / _MEAN_OF_NORMAL
-    # A smooth random field of vectors at points (n, 3), each component of SD 1. A sum of plane waves whose
-    # wave vectors are normal, so that the field's correlation falls with distance as a Gaussian does (random
-    # Fourier features; Rahimi and Recht 2007).
-    rng = stream(person.seed, "image", "surface", bone)
-    waves = rng.normal(size=(3, 3, _WAVES)) / SURFACE_LENGTH_M
-    phases = rng.uniform(0.0, 2.0 * np.pi, (3, _WAVES))
-    field = [np.cos(vertices @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
-    return _place_points(pose, vertices + spread * np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,13 +231,12 @@ def make_demo_session(
     person = make_virtual_subject(seed, settings or VirtualSettings())
     trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
     session = make_session(person, person.generic, trials)
-    return replace(session, images=_read_image(person, progress) if images else None), person
-
-
-def _read_image(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
-    report = progress or show_nothing
-    image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
-    return read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
+    if images:
+        report = progress or show_nothing
+        image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
+        found = read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
+        session = replace(session, images=found)
+    return session, person
 
 
 def make_hidden_session(
@@ -263,33 +253,23 @@ def make_hidden_session(
     gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
     moved = glide_marker(person.model.marker(name), {driver: body.to_vector(gains)})
     sliding = person.model.with_markers(tuple(moved if m.name == name else m for m in person.model.markers))
-    trials = {
-        name: _swap_labels(_slide_marker(trial, person, sliding)) for name, trial in person.trials.items()
-    }
+    trials = {}
+    for name, trial in person.trials.items():
+        # The recording with the marker where its skin took it; noise and gaps stay.
+        q, names = person.motions[trial.name], trial.labels
+        away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
+        markers = trial.markers + away
+        if name == SWAPPED.trial:
+            pair = [trial.index(label) for label in SWAPPED.where]
+            start, end = SWAPPED.parameters["start_s"], SWAPPED.parameters["end_s"]
+            rows = np.flatnonzero((trial.times >= start - 1e-9) & (trial.times <= end + 1e-9))
+            markers[rows[:, None], pair] = markers[rows[:, None], pair[::-1]]
+        trials[name] = replace(trial, markers=markers)
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
-
-
-def _slide_marker(trial: Trial, person: VirtualSubject, sliding: body.BodyModel) -> Trial:
-    """The recording with the marker where its skin took it; noise and gaps stay."""
-    q, names = person.motions[trial.name], trial.labels
-    away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
-    return replace(trial, markers=trial.markers + away)
 
 
 def _place_marker(model: body.BodyModel, names: tuple[str, ...], q: Array) -> Array:
     return pose_markers(compile_model(model, names), q, list_parameter_values(model))
-
-
-def _swap_labels(trial: Trial) -> Trial:
-    """The recording with two labels exchanged for a while, where it is the one."""
-    if trial.name != SWAPPED.trial:
-        return trial
-    pair = [trial.index(name) for name in SWAPPED.where]
-    start, end = SWAPPED.parameters["start_s"], SWAPPED.parameters["end_s"]
-    rows = np.flatnonzero((trial.times >= start - 1e-9) & (trial.times <= end + 1e-9))
-    markers = trial.markers.copy()
-    markers[rows[:, None], pair] = markers[rows[:, None], pair[::-1]]
-    return replace(trial, markers=markers)
 
 
 def write_example(
@@ -334,19 +314,16 @@ def write_example(
             (folder / f"{segment}.stl").write_bytes(
                 bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
             )
-        _write_markers(folder / IMAGE_MARKERS, image.markers)
+        file = folder / IMAGE_MARKERS
+        with file.open("w", encoding="utf-8", newline="") as stream:
+            rows = csv.writer(stream)
+            rows.writerow(COLUMNS)
+            for marker, (segment, at) in image.markers.items():
+                rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
         document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
         document["image_markers"] = IMAGE_MARKERS
     (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
     return document
-
-
-def _write_markers(file: Path, markers: Mapping[str, tuple[str, body.Vector]]) -> None:
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(COLUMNS)
-        for marker, (segment, at) in markers.items():
-            rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import reference
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.tree import pose_markers
 
 Side = Literal["r", "l"]
@@ -72,7 +72,7 @@ class Curve:
 @cache
 def read_gait_curves() -> Mapping[str, Curve]:
     """The walking angles of Schwartz et al. 2008, from ``reference_models``."""
-    curves = read_reference(find_reference_folder() / "gait_schwartz2008.yaml")["curves"]
+    curves = reference.read_reference(reference.find_reference_folder() / "gait_schwartz2008.yaml")["curves"]
     return {name: Curve(c["mean"], c["sd"], tuple(c["cos"]), tuple(c["sin"])) for name, c in curves.items()}
 
 
@@ -94,31 +94,27 @@ def draw_style(rng: np.random.Generator, sex: Literal["F", "M"]) -> Style:
     for name, curve in read_gait_curves().items():
         gains[name] = float(np.clip(rng.normal(1.0, _GAIN_SD), 0.7, 1.3))
         offsets[name] = float(np.clip(rng.normal(), -2.0, 2.0) * curve.sd)
-    offsets["hip_flexion"] = _find_hip_offset(offsets["pelvis_anterior_tilt"], offsets["hip_flexion"])
+    # A hip offset (deg) that keeps the legs below a tilted pelvis, its spread between persons unchanged
+    tilt = offsets["pelvis_anterior_tilt"]
+    own = offsets["hip_flexion"]
+    across = read_gait_curves()["hip_flexion"].sd
+    offsets["hip_flexion"] = float(
+        tilt + own * np.sqrt(1.0 - (read_gait_curves()["pelvis_anterior_tilt"].sd / across) ** 2)
+    )
     swing = gains["knee_flexion"] * read_gait_curves()["knee_flexion"].at(np.linspace(0.0, 1.0, 101))
     straight = -read_gait_curves()["knee_flexion"].mean - float(swing.min())
     offsets["knee_flexion"] = max(offsets["knee_flexion"], straight)
     tilt = read_gait_curves()["pelvis_anterior_tilt"].mean + offsets["pelvis_anterior_tilt"]
-    stance = _find_standing_pose(tilt, rng)
-    return Style(float(rng.uniform(*STRIDE_S[sex])), offsets, gains, stance)
-
-
-def _find_hip_offset(tilt: float, own: float) -> float:
-    """A hip offset (deg) that keeps the legs below a tilted pelvis, its spread between persons unchanged."""
-    across = read_gait_curves()["hip_flexion"].sd
-    return float(tilt + own * np.sqrt(1.0 - (read_gait_curves()["pelvis_anterior_tilt"].sd / across) ** 2))
-
-
-def _find_standing_pose(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
-    """Upright on both feet: the legs hang below a tilted pelvis, knees nearly straight (angles chosen)."""
-    stance = {"pelvis_tilt": -tilt_deg, "pelvis_list": 0.0, "pelvis_rotation": 0.0}
+    # Upright on both feet: the legs hang below a tilted pelvis, knees nearly straight (angles chosen).
+    stance = {"pelvis_tilt": -tilt, "pelvis_list": 0.0, "pelvis_rotation": 0.0}
     for side in OTHER:
         knee = float(rng.uniform(0.0, 6.0))
         stance[f"knee_angle_{side}"] = knee
-        stance[f"hip_flexion_{side}"] = tilt_deg + 0.5 * knee
+        stance[f"hip_flexion_{side}"] = tilt + 0.5 * knee
         stance[f"hip_adduction_{side}"] = float(rng.uniform(-5.0, -1.0))
         stance[f"hip_rotation_{side}"] = float(rng.normal(-3.0, 3.0))
-    return {name: float(np.radians(value)) for name, value in stance.items()}
+    stance = {name: float(np.radians(value)) for name, value in stance.items()}
+    return Style(float(rng.uniform(*STRIDE_S[sex])), offsets, gains, stance)
 
 
 def draw_wandering(rng: np.random.Generator, times: Array, sd: float, highest_hz: float) -> Array:
@@ -203,11 +199,18 @@ def simulate_walking(
         degrees = own + style.gains[name] * curve.at(phase + later)
         angles[coordinate] = np.radians(sign * degrees + draw_wandering(rng, times, _WALK_DEG, _SWAY_HZ))
     _forbid_backward_knee(angles)
-    _keep_apart(model, angles)
+    # Abduct both hips where a person's drawn angles would make the feet cross
+    ankles = _find_ankles(model, _simulate_coordinates(model, angles))
+    apart = float((ankles["r"] - ankles["l"])[:, 2].mean())
+    reach = -float((ankles["r"] + ankles["l"])[:, 1].mean()) / 2.0
+    for side in OTHER if apart < _FEET_APART_M else ():
+        name = f"hip_adduction_{side}"
+        angles[name] = angles[name] - (_FEET_APART_M - apart) / (2.0 * reach)
     q = _simulate_coordinates(model, angles)
     ankles = _find_ankles(model, q)
     planted = {"r": _find_planted(phase), "l": _find_planted(phase + 0.5)}
-    slopes = [_measure_foot_velocity(times, ankles[s][:, 0], planted[s]) for s in OTHER]
+    # Mean velocity (m/s) of each ankle against the pelvis while the foot is flat on the floor
+    slopes = [float(np.gradient(ankles[s][:, 0], times)[planted[s]].mean()) for s in OTHER]
     rise = -_RISE_M * np.cos(4.0 * np.pi * (phase - _LOWEST))
     heights = np.concatenate([(ankles[s][:, 1] + rise)[planted[s]] for s in OTHER])
     x, y, z = _find_position_columns(model)
@@ -215,16 +218,6 @@ def simulate_walking(
     q[:, y] = ANKLE_HEIGHT * stature_m + rise - heights.mean()
     q[:, z] = _SWAY_M * np.sin(2.0 * np.pi * (phase - _LOWEST))  # over the right foot in its single support
     return q
-
-
-def _keep_apart(model: BodyModel, angles: dict[str, Array]) -> None:
-    """Abduct both hips where a person's drawn angles would make the feet cross."""
-    ankles = _find_ankles(model, _simulate_coordinates(model, angles))
-    apart = float((ankles["r"] - ankles["l"])[:, 2].mean())
-    reach = -float((ankles["r"] + ankles["l"])[:, 1].mean()) / 2.0
-    for side in OTHER if apart < _FEET_APART_M else ():
-        name = f"hip_adduction_{side}"
-        angles[name] = angles[name] - (_FEET_APART_M - apart) / (2.0 * reach)
 
 
 def _forbid_backward_knee(angles: dict[str, Array]) -> None:
@@ -285,9 +278,3 @@ def _find_position_columns(model: BodyModel) -> list[int]:
 
 def _find_planted(phase: Array) -> NDArray[np.bool_]:
     return (phase % 1.0 > _FLAT[0]) & (phase % 1.0 < _FLAT[1])
-
-
-def _measure_foot_velocity(times: Array, x: Array, planted: NDArray[np.bool_]) -> float:
-    """Mean velocity (m/s) of the ankle against the pelvis while the foot is flat on the floor."""
-    speed = np.gradient(x, times)
-    return float(speed[planted].mean())

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.files import sto
 from scaling_service.files.trc import write_trc
+from scaling_service.model import builtin, inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import pose_markers
@@ -51,7 +50,7 @@ def record_on_plates(
     ``truth``: the person, with feet and inertia; the generic full body unless given. ``noise_m``: standard
     deviation of each coordinate of a marker.
     """
-    model = truth or load_builtin("full_body_35dof")
+    model = truth or builtin.load_builtin("full_body_35dof")
     rng = np.random.default_rng(seed)
     times = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     q = repeat_default_pose(model, len(times))
@@ -65,35 +64,29 @@ def record_on_plates(
     names = tuple(m.name for m in model.markers)
     markers = pose_markers(compile_model(model, names), q, list_parameter_values(model))
     wrench, _ = compute_root_wrench(
-        compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
+        inertia.compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
     )
-    feet = [_find_middle(names, markers, side) for side in "RL"]
-    plates = _share_wrench(wrench.T, *feet)
-    seen = markers + rng.normal(0.0, noise_m, markers.shape)
-    return Recorded(
-        model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, plates
-    )
-
-
-def _find_middle(names: tuple[str, ...], markers: Array, side: str) -> Array:
-    """Of a foot, on the ground, (3,)."""
-    heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
-    return np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])])
-
-
-def _share_wrench(wrench: Array, right: Array, left: Array) -> tuple[Array, Array]:
-    """Two plates under the feet that bear a wrench (n, 6) about the ground origin together."""
-    force, moment = wrench[:, :3], wrench[:, 3:]
+    feet = []
+    for side in "RL":
+        # Of a foot, on the ground, (3,)
+        heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
+        feet.append(np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])]))
+    # Two plates under the feet bear the wrench (n, 6) about the ground origin together.
+    force, moment = wrench.T[:, :3], wrench.T[:, 3:]
     forward = moment[:, 2] / force[:, 1]
-    share = (-moment[:, 0] / force[:, 1] - left[2]) / (right[2] - left[2])
+    share = (-moment[:, 0] / force[:, 1] - feet[1][2]) / (feet[0][2] - feet[1][2])
     points = [
-        np.column_stack([forward, np.zeros_like(forward), np.full_like(forward, p[2])]) for p in (right, left)
+        np.column_stack([forward, np.zeros_like(forward), np.full_like(forward, foot[2])]) for foot in feet
     ]
     forces = [share[:, None] * force, (1.0 - share)[:, None] * force]
     left_over = moment - sum(np.cross(p, f) for p, f in zip(points, forces, strict=True))
-    free = np.column_stack([np.zeros((len(force), 1)), left_over[:, 1:2], np.zeros((len(force), 1))])
-    first, second = (np.column_stack([f, p, 0.5 * free]) for f, p in zip(forces, points, strict=True))
-    return first, second
+    free = np.zeros_like(force)
+    free[:, 1] = 0.5 * left_over[:, 1]
+    first, second = (np.column_stack([f, p, free]) for f, p in zip(forces, points, strict=True))
+    seen = markers + rng.normal(0.0, noise_m, markers.shape)
+    return Recorded(
+        model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, (first, second)
+    )
 
 
 def write_forces(path: Path, times: Array, plates: tuple[Array, ...]) -> None:
@@ -101,7 +94,9 @@ def write_forces(path: Path, times: Array, plates: tuple[Array, ...]) -> None:
     labels = [
         f"ground_force_{k + 1}_{what}{axis}" for k in range(len(plates)) for what in "vpm" for axis in "xyz"
     ]
-    write_sto(path, Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates])))
+    sto.write_sto(
+        path, sto.Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates]))
+    )
 
 
 def write_plates_example(folder: Path) -> dict[str, Any]:
@@ -111,7 +106,7 @@ def write_plates_example(folder: Path) -> dict[str, Any]:
         found = record_on_plates(name=name, seed=seed, noise_m=MARKER_NOISE_M)
         write_trc(folder / f"{name}.trc", found.trial, "mm")
         write_forces(folder / f"{name}_grf.mot", found.trial.times, found.plates)
-    person, mass_kg = load_generic_person("full_body_35dof"), round(sum_mass(found.truth), 3)
+    person, mass_kg = builtin.load_generic_person("full_body_35dof"), round(inertia.sum_mass(found.truth), 3)
     document = {
         "subject": {"id": "plates", "sex": "M", "height_m": person.height_m, "mass_kg": mass_kg},
         "model": "full_body_35dof",

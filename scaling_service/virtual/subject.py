@@ -10,11 +10,9 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model import body
+from scaling_service.model import body, builtin, parameters
 from scaling_service.model.anatomy.centres import look_up_landmark_sd
-from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
@@ -174,7 +172,7 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     >>> person.trials["hip_r"].markers.shape
     (1000, 14, 3)
     """
-    generic = load_builtin(GENERIC)
+    generic = builtin.load_builtin(GENERIC)
     sex, height, mass = draw_person(seed)
     factors = draw_factors(seed, generic, height)
     tilts = {f"knee_{side}": draw_knee_tilt(seed, side) for side in KNEE_AXIS_DEG}
@@ -189,7 +187,27 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     style = motion.draw_style(stream(seed, "style"), sex)
     motions = _simulate_motions(seed, model, style, height, settings)
     skin = draw_artefact(seed, model, style.stance, settings.artefact)
-    trials = {name: _record_trial(seed, name, model, skin, q, settings) for name, q in motions.items()}
+    trials = {}
+    for name, q in motions.items():
+        labels = tuple(m.name for m in model.markers if m.weight > 0.0)
+        times = np.arange(len(q)) / settings.rate_hz
+        moving = with_artefact(model, skin)
+        markers = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
+        still = name == "static"
+        noise = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
+        markers = markers + noise * stream(seed, "camera", name).normal(size=markers.shape)
+        if not still:
+            for k, label in enumerate(labels):
+                markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
+                # Whether a marker is hidden in each frame, never in the first or last.
+                rng = stream(seed, "gaps", name, label)
+                hidden = np.zeros(len(times), dtype=bool)
+                for _ in range(rng.poisson(settings.gaps * GAPS_PER_S * times[-1])):
+                    start = rng.uniform(0.0, times[-1])
+                    hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
+                hidden[[0, -1]] = False
+                markers[hidden, k] = np.nan
+        trials[name] = Trial(name=name, times=times, labels=labels, markers=markers, rate_hz=settings.rate_hz)
     return VirtualSubject(
         seed=seed,
         settings=settings,
@@ -241,17 +259,17 @@ def _draw_truth(
     offsets: Mapping[str, body.Vector],
     mass: float,
 ) -> body.BodyModel:
-    depicted = sum(s.mass for s in generic.segments) / load_generic_person(GENERIC).mass_kg
+    depicted = sum(s.mass for s in generic.segments) / builtin.load_generic_person(GENERIC).mass_kg
     model = scale_model(generic, {name: (f, f, f) for name, f in factors.items()}, mass_kg=mass * depicted)
     for joint in tilts:
-        model = free_axis(model, joint, np.inf, np.inf)
+        model = parameters.free_axis(model, joint, np.inf, np.inf)
     values = {
         f"axis.{joint}.{letter}": v
         for joint, turns in tilts.items()
         for letter, v in zip("xy", turns, strict=True)
     }
     markers = tuple(shift_marker(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
-    return replace(fold(model.with_markers(markers), values), name=f"virtual_{seed}")
+    return replace(parameters.fold(model.with_markers(markers), values), name=f"virtual_{seed}")
 
 
 def _simulate_motions(
@@ -275,27 +293,3 @@ def _simulate_motions(
             model, style, times, stream(seed, "motion", "gait", k), height
         )
     return found
-
-
-def _record_trial(
-    seed: int, name: str, model: body.BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
-) -> Trial:
-    labels = tuple(m.name for m in model.markers if m.weight > 0.0)
-    times = np.arange(len(q)) / settings.rate_hz
-    moving = with_artefact(model, skin)
-    markers = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
-    still = name == "static"
-    spread = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
-    markers = markers + spread * stream(seed, "camera", name).normal(size=markers.shape)
-    if not still:
-        for k, label in enumerate(labels):
-            markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
-            # Whether a marker is hidden in each frame, never in the first or last.
-            rng = stream(seed, "gaps", name, label)
-            hidden = np.zeros(len(times), dtype=bool)
-            for _ in range(rng.poisson(settings.gaps * GAPS_PER_S * times[-1])):
-                start = rng.uniform(0.0, times[-1])
-                hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
-            hidden[[0, -1]] = False
-            markers[hidden, k] = np.nan
-    return Trial(name=name, times=times, labels=labels, markers=markers, rate_hz=settings.rate_hz)

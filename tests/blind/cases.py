@@ -13,6 +13,8 @@ from tests.blind.strangers import STRANGERS
 
 MOVEMENTS = ("gait", "varied")
 SIZES = ("small", "middle", "large")
+NAMEABLE = "nameable"
+"""A size of twice to four times what the case's own recordings can name (see ``nameable.py``)."""
 
 PAIRS: tuple[tuple[str, str], ...] = (
     ("marker_offset", "soft_tissue_artefact"),
@@ -46,7 +48,7 @@ class Case:
     ----------
     group : 'effect', 'null', 'pair', 'opposed', 'stranger' or 'check'
     kinds : names of effects or strangers; for nulls the kind of noise
-    size : 'small', 'middle' or 'large'
+    size : 'small', 'middle', 'large' or 'nameable'
     movement : 'gait' or 'varied'
     forces : bool
         Whether forces are recorded (then the model has feet).
@@ -90,6 +92,14 @@ def full(seeds: int = 10, nulls: int = 500) -> list[Case]:
     return cases
 
 
+def nameable(seeds: int = 3, first: int = 0) -> list[Case]:
+    """Each kind in both movements, as large as people as the yardstick let it be named; nulls; strangers."""
+    chosen = range(first, first + seeds)
+    cases = [_effect(kind, NAMEABLE, move, seed) for kind in EFFECTS for move in MOVEMENTS for seed in chosen]
+    cases += list(_nulls(len(EFFECTS) * seeds, first * len(EFFECTS)))
+    return cases + [_stranger(kind, seed) for kind in STRANGERS for seed in chosen]
+
+
 def fast() -> list[Case]:
     """One large case a kind, two nulls of each noise, two pairs, one opposed pair, two strangers."""
     cases = [_effect(kind, "large", MOVEMENTS[k % 2], 0) for k, kind in enumerate(EFFECTS)]
@@ -119,9 +129,9 @@ def _effect(kind: str, size: str, movement: str, seed: int, *, c3d: bool = False
     return Case("effect", (kind,), size, movement, forces, seed, c3d and forces)
 
 
-def _nulls(count: int) -> Iterator[Case]:
+def _nulls(count: int, first: int = 0) -> Iterator[Case]:
     kinds = tuple(NULLS)
-    for k in range(count):
+    for k in range(first, first + count):
         # Noise kinds alternate fastest, then forces or none, then the movement.
         noise, forces, movement = kinds[k % 4], bool(k // 4 % 2), MOVEMENTS[k // 8 % 2]
         yield Case("null", (noise,), "none", movement, forces, k)

@@ -65,6 +65,11 @@ class Hidden:
     also_where: tuple[str, ...] = ()
     trials: tuple[int, ...] | None = None
 
+    @property
+    def own_kg(self) -> float:
+        """What the person weighs more than the model: who steps on scales declares it."""
+        return 0.0
+
     def body(self, body: Body) -> Body:
         """The true body from the given one."""
         return body

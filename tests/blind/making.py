@@ -11,7 +11,7 @@ import yaml
 
 from tests.blind.bodies import Person, lower_limb, person, whole_body
 from tests.blind.body import Body
-from tests.blind.cases import SIZES, Case
+from tests.blind.cases import NAMEABLE, SIZES, Case
 from tests.blind.clutter import NONE, NULLS, Clutter
 from tests.blind.effects import EFFECTS
 from tests.blind.files import write_c3d, write_mot, write_trc
@@ -19,6 +19,7 @@ from tests.blind.hidden import Effect, Hidden
 from tests.blind.motions.free import free
 from tests.blind.motions.motion import Motion
 from tests.blind.motions.planted import Pressing, planted
+from tests.blind.nameable import find_range
 from tests.blind.opposed import against
 from tests.blind.osim_file import write_osim
 from tests.blind.real.angles import real_motion
@@ -30,6 +31,11 @@ STATIC = "standing_1"
 
 STATIC_S, MOVING_S = 3.0, 5.0
 """Length of the trials (chosen: as laboratories record them)."""
+
+
+class NobodyMeetsError(ValueError):
+    """A case cannot be made: twice what its recordings can name is more than laboratories meet."""
+
 
 Trials = tuple[tuple[str, ...], tuple[str, ...]]
 
@@ -56,18 +62,28 @@ def make(case: Case, subjects: Path, labels: Path) -> Path:
     -------
     Path
         The subject file.
+
+    Raises
+    ------
+    NobodyMeetsError
+        The case is of nameable size, and nobody meets that.
     """
     who, body, hidden = drawn(case)
-    recordings = recorded(case, body, hidden)
-    folder = subjects / case.id
-    folder.mkdir(parents=True, exist_ok=True)
-    write_osim(folder / "model.osim", body)
-    files = {r.name: _written(folder, r, c3d=case.c3d) for r in recordings}
-    subject = folder / "subject.yaml"
-    subject.write_text(yaml.safe_dump(_document(case, who, files), sort_keys=False), encoding="utf-8")
+    subject = _write(case, who, body, hidden, subjects / case.id)
     labels.mkdir(parents=True, exist_ok=True)
     text = json.dumps(_truth(case, body, hidden), indent=1)
     (labels / f"{case.id}.json").write_text(text, encoding="utf-8")
+    return subject
+
+
+def _write(case: Case, who: Person, body: Body, hidden: tuple[Hidden, ...], folder: Path) -> Path:
+    """What the product is shown."""
+    recordings = recorded(case, body, hidden)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_osim(folder / "model.osim", body)
+    files = {r.name: _written(folder, r, c3d=case.c3d) for r in recordings}
+    subject, weight = folder / "subject.yaml", who.mass_kg + sum(thing.own_kg for thing in hidden)
+    subject.write_text(yaml.safe_dump(_document(case, weight, who, files), sort_keys=False), encoding="utf-8")
     return subject
 
 
@@ -79,11 +95,25 @@ def drawn(case: Case) -> Drawn:
     if case.group in {"null", "check"}:
         return who, body, ()
     effects = [_effect(kind) for kind in case.kinds]
+    if case.size == NAMEABLE:
+        return who, body, (_draw_nameable(case, effects[0], who, body),)
     size = SIZES.index(case.size)
     hidden = [effect.draw(body, effect.sizes[size] * _spread(rng), rng) for effect in effects]
     if case.group == "opposed":
         hidden[1] = against(hidden[0], hidden[1], body)
     return who, body, tuple(hidden)
+
+
+def _draw_nameable(case: Case, effect: Effect, who: Person, body: Body) -> Hidden:
+    """Twice to four times as large as it must be to be named; refused where nobody meets that."""
+
+    def draw(size: float) -> Hidden:
+        return effect.draw(body, size, stream(case, 3))
+
+    sizes = find_range(effect, draw, lambda hidden, folder: _write(case, who, body, hidden, folder))
+    if sizes is None:
+        raise NobodyMeetsError(effect.kind, draw(effect.sizes[0]).where)
+    return draw(float(np.exp(stream(case, 4).uniform(*np.log(sizes)))))
 
 
 def recorded(
@@ -148,10 +178,12 @@ def _written(folder: Path, recording: Recording, *, c3d: bool) -> tuple[str, str
     return f"{recording.name}.trc", f"{recording.name}_forces.mot"
 
 
-def _document(case: Case, who: Person, files: dict[str, tuple[str, str | None]]) -> dict[str, Any]:
+def _document(
+    case: Case, mass_kg: float, who: Person, files: dict[str, tuple[str, str | None]]
+) -> dict[str, Any]:
     calibration, evaluation = trials(case)
     document: dict[str, Any] = {
-        "subject": {"id": case.id, "height_m": round(who.height_m, 3), "mass_kg": round(who.mass_kg, 3)},
+        "subject": {"id": case.id, "height_m": round(who.height_m, 3), "mass_kg": round(mass_kg, 3)},
         "model": "model.osim",
         "trials": {
             "static": files[STATIC][0],

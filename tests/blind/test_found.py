@@ -35,6 +35,10 @@ NOTHING = [
 STRANGE = [
     Case("stranger", (kind,), "large", "gait", False, 0) for kind in ("marker_restuck", "vibrating_camera")
 ]
+STRANGE += [
+    pytest.param(Case("stranger", (kind,), "large", "gait", True, 0), marks=COSTLY)
+    for kind in ("clock_drift", "slipping_sole")
+]
 
 
 def outcome(case: Case, folder: Path) -> Record:

@@ -135,6 +135,7 @@ def test_the_table_counts_what_it_says() -> None:
     wrong = {"verdict": "found", "effects": [named(LENGTH)]}
     quiet: dict[str, Any] = {"verdict": "nothing", "effects": []}
     stranger = {**OFFSET, "kind": "marker_restuck"}
+    ordinary = {"where": OFFSET["where"][0], "rms": 1.9, "floor": 1.0}  # which nobody could see
     seen = {
         "verdict": "unexplained",
         "effects": [],
@@ -144,28 +145,30 @@ def test_the_table_counts_what_it_says() -> None:
         ],
     }
     judged = [
+        outcome("effect", [OFFSET], right, size="nameable"),
+        outcome("effect", [OFFSET], wrong, size="nameable"),
+        outcome("effect", [OFFSET], None, size="nameable"),
         outcome("effect", [OFFSET], right),
-        outcome("effect", [OFFSET], wrong),
-        outcome("effect", [OFFSET], None),
         outcome("null", [], quiet),
         outcome("null", [], wrong),
         outcome("pair", [OFFSET, LENGTH], {"effects": [named(OFFSET), named(LENGTH)]}),
         outcome("pair", [OFFSET, LENGTH], right),
         outcome("stranger", [stranger], seen),
         outcome("stranger", [stranger], wrong),
+        outcome("stranger", [stranger], {**quiet, "disagreements": [ordinary]}),
     ]
     all_ = [o.record for o in judged]
     table = {row[0]: row for row in must_reach(all_)[1:]}
-    assert table["named right, size >= 3 x smallest nameable"][2:] == ["33 %", "3"]
+    assert table["named right or by class, 2 to 4 x the smallest nameable"][2:] == ["33 %", "3"]
     assert table["something named on null recordings"][2].startswith("50 %")
     assert "mean 90 %" in table["gap to the floor closed on held-out trials, named right"][2]
     assert table["both of two effects right"][2:] == ["50 %", "2"]
-    assert table["strangers called unexplained, at the right place"][2:] == ["50 %", "2"]
+    assert table["strangers that stand out, called unexplained at the right place"][2:] == ["50 %", "2"]
     matrix = confusion(all_)
     row = next(r for r in matrix if r[0].startswith("marker_offset"))
-    assert sorted(row[1:]) == sorted(["1", "1", "1", ".", "."])
+    assert sorted(row[1:]) == sorted(["1", "1", "2", ".", "."])
     power = next(r for r in detection(all_) if r[0] == "marker_offset")
-    assert power[4] == "20: 33 %"
+    assert power[4:6] == ["20: 100 %", "33 %"]
 
 
 def test_the_command_reads_folders_and_says_how_many(

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion.result import make_trial_document
 from scaling_service.capabilities.motion.run import track
-from scaling_service.capabilities.motion.saving import make_trial_document, tabulate_poses
+from scaling_service.capabilities.motion.saving import tabulate_poses
 from scaling_service.files.osim.models import write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.results import Motion

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.capabilities.landmarks.document import LandmarksDocument
+from scaling_service.capabilities.landmarks.result import LandmarksDocument
 from scaling_service.cli import main
 from tests.bones import bones
 

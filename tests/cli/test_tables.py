@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
+import yaml
+from pydantic import ValidationError
 
 from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.files.sto import read_sto
+from scaling_service.service.jobs.kinds import KINDS
 from tests.safety.running import unpack_subject
 
 
@@ -63,3 +67,27 @@ def test_tables_of_loads_are_those_of_their_file(tmp_path: Path) -> None:
         np.testing.assert_allclose(frame[column], forces.column(name), atol=1e-6)
     said = json.loads((tmp_path / "out/tables/residuals.json").read_text(encoding="utf-8"))
     assert said["columns"]["mz_Nm"]["unit"] == "N m"
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked", "wanted"),
+    [
+        ("motion", {"recordings": ["walk.trc"]}, "motion_walk.csv"),
+        ("linear-scaling", {"method": "MB"}, "lengths.csv"),
+    ],
+)
+def test_jobs_write_the_tables_of_their_commands(
+    folder: Path, tmp_path: Path, kind: str, asked: dict[str, object], wanted: str
+) -> None:
+    inputs = tmp_path / "work" / "inputs" / "S01"
+    shutil.copytree(folder, inputs)
+    document = yaml.safe_load((folder / "S01.yaml").read_text(encoding="utf-8"))
+    (inputs / "subject.json").write_text(json.dumps(document), encoding="utf-8")
+    (tmp_path / "work" / "outputs").mkdir()
+    request = {"subject": "S01", **asked}
+    KINDS[kind].perform({**request, "tables": ["csv", "bids"]}, tmp_path / "work", lambda *_: None)
+    tables = tmp_path / "work" / "outputs" / "tables"
+    assert (tables / wanted).is_file()
+    assert list((tables / "bids").rglob("*_motion.tsv"))
+    with pytest.raises(ValidationError, match="tables"):
+        KINDS[kind].request.model_validate_json(json.dumps({**request, "tables": ["xlsx"]}))

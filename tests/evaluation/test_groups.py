@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import friedmanchisquare, norm
 
-from scaling_service.capabilities.cohort.document import FriedmanEntry
 from scaling_service.capabilities.cohort.groups import compare_groups
+from scaling_service.capabilities.cohort.result import FriedmanEntry
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
 
 # Hollander & Wolfe 1999, table 7.1: times (s) of 22 players rounding first base in three ways.

@@ -15,7 +15,7 @@ from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.files.engines import write_biomod
+from scaling_service.files.biomod import write_biomod
 from scaling_service.files.limbs import list_limbs
 from scaling_service.files.mjcf import write_mjcf
 from scaling_service.files.osim.models import read_osim

@@ -146,15 +146,25 @@ def test_without_opensim_the_report_compares_with_nothing(
     assert "<muscle" not in (tmp_path / "model.xml").read_text(encoding="utf-8")
 
 
-def test_it_loads_in_mjx(tmp_path: Path) -> None:
-    mjx = pytest.importorskip("mujoco.mjx")
+@pytest.mark.costly
+def test_it_runs_in_mjx_as_in_mujoco(tmp_path: Path) -> None:
+    """Compiled by jax in a minute; numbers are of single precision there."""
+    mjx = pytest.importorskip("mujoco.mjx", reason="mujoco-mjx is not installed")
+    jax = pytest.importorskip("jax")
     import mujoco
 
     (tmp_path / "leg.osim").write_text(make_muscled(), encoding="utf-8")
     file, _ = export(tmp_path, read_osim(tmp_path / "leg.osim"), make_muscled())
-    model = mjx.put_model(mujoco.MjModel.from_xml_path(str(file)))
-    state = mjx.step(model, mjx.make_data(model))
-    assert np.isfinite(np.asarray(state.qpos)).all()
+    model = mujoco.MjModel.from_xml_path(str(file))
+    state = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, state, 0)
+    mujoco.mj_forward(model, state)
+    theirs, run = mjx.put_data(model, state), jax.jit(mjx.step)
+    compiled = mjx.put_model(model)
+    for _ in range(50):
+        theirs = run(compiled, theirs)
+        mujoco.mj_step(model, state)
+    np.testing.assert_allclose(np.asarray(theirs.qpos), state.qpos, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("person", PERSONS)

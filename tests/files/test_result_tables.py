@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import subprocess
+import sysconfig
 from pathlib import Path
 
 import pandas
@@ -105,3 +107,21 @@ def test_forms_are_checked_before_anything(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(result_tables, "find_spec", lambda _name: None)
     with pytest.raises(DependencyMissing, match="pyarrow"):
         check_forms("parquet")
+
+
+def validate(folder: Path) -> list[dict[str, str]]:
+    """What BIDS' own validator says of a dataset."""
+    command = Path(sysconfig.get_path("scripts"), "bids-validator-deno")
+    if not command.exists():
+        pytest.skip("BIDS' validator is not installed")
+    said = subprocess.run([command, "--json", folder], capture_output=True, text=True, check=False)
+    issues: list[dict[str, str]] = json.loads(said.stdout)["issues"]["issues"]
+    return issues
+
+
+def test_bids_own_validator_has_no_objection(tmp_path: Path) -> None:
+    save_tables({"walk": WALK}, tmp_path, ["bids"], ABOUT)
+    assert not [issue for issue in validate(tmp_path / "bids") if issue["severity"] == "error"]
+    (sidecar,) = tmp_path.rglob("*_motion.json")
+    sidecar.unlink()
+    assert [issue for issue in validate(tmp_path / "bids") if issue["severity"] == "error"]

@@ -20,8 +20,8 @@ import yaml
 
 from scaling_service.guide.pages import FIGURES
 from scaling_service.report.tables import Table, to_cell
-from scaling_service.studies.benchmark.document import DOCUMENT, BenchmarkDocument, make_tables, read_document
 from scaling_service.studies.benchmark.parts import OURS
+from scaling_service.studies.benchmark.result import DOCUMENT, BenchmarkDocument, make_tables, read_document
 from tests.living_bone.errors import Way, judge_sets
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program

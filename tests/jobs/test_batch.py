@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 from scaling_service.capabilities.cohort import outcomes
-from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.job import BatchRequest, summarise
 from scaling_service.capabilities.cohort.outcomes import Outcome, read_record
+from scaling_service.capabilities.cohort.result import CohortDocument
 from scaling_service.capabilities.cohort.run import BatchResult, batch
 from scaling_service.capabilities.cohort.saving import TABLES
 from scaling_service.capabilities.scaling import saving

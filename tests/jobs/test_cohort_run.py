@@ -13,7 +13,6 @@ from os import _exit
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import StatisticsDocument
 from scaling_service.capabilities.cohort.executors import report_stage, workers
 from scaling_service.capabilities.cohort.outcomes import (
     Done,
@@ -22,6 +21,7 @@ from scaling_service.capabilities.cohort.outcomes import (
     run_members,
     select_possible_methods,
 )
+from scaling_service.capabilities.cohort.result import StatisticsDocument
 from scaling_service.capabilities.cohort.run import BatchResult, summarise_cohort
 from scaling_service.capabilities.cohort.saving import tabulate_outcomes
 from scaling_service.capabilities.cohort.summary import TRUTH, MethodSummary, SubjectSummary, summarise
@@ -222,7 +222,8 @@ def test_methods_are_possible_with_what_there_is(tmp_path):
     assert select_possible_methods(moved, ["MB_am", "EB"]) == (("MB_am",), {"EB": "no bones"})
     whole = replace(moved, bones={"pelvis": tmp_path / "pelvis.stl"})
     assert select_possible_methods(whole)[1] == {}
-    assert "built-in" in select_possible_methods(replace(whole, model=str(tmp_path / "m.osim")))[1]["EB"]
+    assert select_possible_methods(replace(whole, model=str(tmp_path / "m.osim")))[1] == {}
+    assert "built-in" in select_possible_methods(replace(whole, model=str(tmp_path / "m.json")))[1]["EB"]
 
 
 def test_a_leg_that_was_not_imaged_has_no_image_based_length():
@@ -235,3 +236,15 @@ def test_a_leg_that_was_not_imaged_has_no_image_based_length():
     assert set(summary.centres["EB"]["MB"]) == {"hip_r", "knee_r", "ankle_r"}
     true = measure_segment_lengths(someone.truth)
     assert summary.methods["EB"].lengths["femur_r"] == pytest.approx(true["femur_r"], abs=1e-6)
+
+
+def test_what_an_image_shows_counts_where_the_leg_is_not_whole():
+    someone = person(2, seconds=1.0)
+    whole = imaged(someone, {"knee_r": (0.0, 0.0, 0.0)}, sides="r")
+    centres = {name: at for name, at in whole.centres.items() if name != "ankle_r"}
+    summary = summarise(
+        run(Loaded(session=replace(someone.session, images=replace(whole, centres=centres))), ["MB", "EB"])
+    )
+    assert set(summary.methods["EB"].lengths) == {"femur_r"}
+    assert set(summary.methods["EB"].knee_axes) == {"r"}
+    assert set(summary.centres["EB"]["MB"]) == {"hip_r", "knee_r"}

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
+from scaling_service.capabilities.dynamics.result import DynamicsResults
+from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.start import prepare

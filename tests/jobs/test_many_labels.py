@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.intake.run import prove
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.recording import MOST_LABELS, read_recording

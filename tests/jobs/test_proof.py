@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.intake.roles import recognise_bone
 from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.capabilities.scaling.run import scale

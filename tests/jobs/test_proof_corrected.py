@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import InputError, MarkerMissing
 from scaling_service.documents.reading import check_document
@@ -99,11 +99,61 @@ def test_a_cycle_of_labels_is_undone() -> None:
         relabel(right, [Relabelling({"RNOSE": "RLFE", "RLFE": "RNOSE"}, 0.0, 1.0)])
 
 
+def test_a_marker_goes_under_another_label_for_a_while() -> None:
+    """What was recorded under a label that nobody gave becomes the marker's again; a stray one goes."""
+    right = moving(3, "walk")
+    knee = right.index("RLFE")
+    wrong = right.markers.copy()
+    wrong[WRONG, knee] = np.nan
+    stray = np.full((right.n_frames, 1, 3), np.nan)
+    stray[WRONG, 0] = right.markers[WRONG, knee]
+    spoilt = replace(right, labels=(*right.labels, "*12"), markers=np.concatenate([wrong, stray], axis=1))
+    span = (float(right.times[60]), float(right.times[139]))
+    again = relabel(spoilt, [Relabelling({"*12": "RLFE"}, *span)])
+    np.testing.assert_array_equal(again.markers[:, :-1], right.markers)
+    assert np.isnan(again.position("*12")).all()
+    without = relabel(again, [Relabelling({"RLFE": None}, *span)])
+    np.testing.assert_array_equal(without.markers[:, :-1], wrong)
+    assert without.repairs[-1].detail.startswith("RLFE left out from 0.60 to 1.39 s")
+    renamed = relabel(right, [Relabelling({"RLFE": "KNEE"}, 0.0, 1e3)])
+    np.testing.assert_array_equal(renamed.position("KNEE"), right.position("RLFE"))
+    assert np.isnan(renamed.position("RLFE")).all()
+
+
+def test_a_trajectory_without_a_label_is_offered_for_the_gap_that_it_fills(tmp_path: Path) -> None:
+    right = moving(1, "two")
+    knee = right.index("RLFE")
+    markers = np.concatenate([right.markers, np.full((right.n_frames, 1, 3), np.nan)], axis=1)
+    markers[WRONG, -1] = right.markers[WRONG, knee]
+    markers[WRONG, knee] = np.nan
+    trials = {
+        "one": standing(),
+        "two": replace(right, labels=(*right.labels, "*12"), markers=markers),
+        "three": moving(2, "three"),
+    }
+    found = looked(tmp_path / "lab", trials)
+    (problem,) = [p for p in found.problems if p.corrections]
+    (offer,) = problem.corrections
+    assert offer.labels == {"*12": "RLFE"}
+    assert (offer.from_s, offer.to_s) == pytest.approx((0.6, 1.39), abs=0.011)
+    again = looked(
+        tmp_path / "lab", trials, {**BARE, "corrections": {offer.file: [offer.model_dump(exclude={"file"})]}}
+    )
+    assert [p for p in again.problems if "no label" in p.problem] == []
+    (two,) = [one for one in again.recordings if one.name == "two"]
+    assert {one.label: one.seen for one in two.labels}["RLFE"] == 1.0
+
+
 @pytest.mark.parametrize(
     ("labels", "times"),
-    [({"RLFE": "RMFE"}, (0.0, 1.0)), ({"RLFE": "RMFE", "RMFE": "RFH"}, (0.0, 1.0)), (CYCLE, (2.0, 1.0))],
+    [
+        ({"RLFE": "RMFE", "RFH": "RMFE"}, (0.0, 1.0)),
+        ({"RLFE": "RLFE"}, (0.0, 1.0)),
+        ({}, (0.0, 1.0)),
+        (CYCLE, (2.0, 1.0)),
+    ],
 )
-def test_what_is_no_exchange_is_refused(labels: dict[str, str], times: tuple[float, float]) -> None:
+def test_what_is_no_correction_is_refused(labels: dict[str, str], times: tuple[float, float]) -> None:
     corrections = {"a.trc": [{"labels": labels, "from_s": times[0], "to_s": times[1]}]}
     document = {
         **BARE,
@@ -111,7 +161,7 @@ def test_what_is_no_exchange_is_refused(labels: dict[str, str], times: tuple[flo
         "trials": {"static": "a.trc"},
         "corrections": corrections,
     }
-    with pytest.raises(InputError, match=r"exchanged with each other|ends before it begins"):
+    with pytest.raises(InputError, match=r"cannot be one marker|stands for itself|at least 1|ends before"):
         check_document(document)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.capabilities.intake.document import ProblemEntry, ProofDocument
+from scaling_service.capabilities.intake.result import ProblemEntry, ProofDocument
 from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.core.arrays import Array
 from scaling_service.files.trc import write_trc

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.intake.run import prove
 
 

@@ -11,7 +11,7 @@ from scaling_service.cli import main
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import draw_person_seeds, save_study
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.document import (
+from scaling_service.studies.puchaud2019.result import (
     METHODS,
     Beside,
     Puchaud2019Document,

@@ -10,9 +10,9 @@ import pytest
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import save_study
 from scaling_service.studies.muller2017.claims import CLAIMS
-from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
 from scaling_service.studies.muller2017.monte_carlo import UncertaintySettings
+from scaling_service.studies.muller2017.result import Muller2017Document
 from scaling_service.studies.muller2017.study import reproduce_muller2017
 from scaling_service.studies.muller2017.words import summarise
 from tests.finished import make_once

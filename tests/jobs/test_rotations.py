@@ -15,7 +15,7 @@ from scaling_service.capabilities.intake.files import look_into
 from scaling_service.capabilities.motion.job import MotionRequest, work
 from scaling_service.capabilities.scaling.run import compare, scale
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.progress import show_nothing
 from scaling_service.documents.base import DOCUMENT
 from scaling_service.files.sto import read_sto
@@ -91,6 +91,26 @@ def test_rotations_alone_are_sized_by_stature_and_joint_centres(tmp_path: Path) 
     assert "'standing' as the model does by default" in said
     bend = np.degrees(without.scalings["MB"].followed["sensors"].motion.column("knee_angle_r"))
     assert np.ptp(bend) == pytest.approx(KNEE_DEG, abs=0.5)
+
+
+def test_markers_and_sensors_of_one_name_are_one_recording(tmp_path: Path) -> None:
+    """Scaling takes its markers and says so; only another role, or another kind of file, is another."""
+    subject = laboratory(tmp_path, known_person())
+    write_files(tmp_path)
+    alone = scale(subject, "MB")
+    (tmp_path / "sensors.sto").rename(tmp_path / "walk.sto")
+    content = document()
+    content["trials"]["evaluation"] = ["walk.trc", "walk.sto"]
+    both = scale(write_subject(tmp_path, content), "MB")
+    assert list(both.scalings["MB"].errors) == list(alone.scalings["MB"].errors)
+    np.testing.assert_array_equal(
+        both.scalings["MB"].motions["walk"].q, alone.scalings["MB"].motions["walk"].q
+    )
+    assert not both.scalings["MB"].followed
+    assert "walk: its rotations are not used, its markers are" in " ".join(both.warnings)
+    content["trials"] = {**content["trials"], "calibration": ["walk.sto"], "evaluation": ["walk.trc"]}
+    with pytest.raises(SubjectInvalid, match=r"walk\.trc.*walk\.sto.*same name"):
+        scale(write_subject(tmp_path, content), "MB")
 
 
 def test_what_needs_markers_says_so(tmp_path: Path) -> None:

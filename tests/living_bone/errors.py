@@ -12,7 +12,8 @@ from unittest.mock import patch
 import numpy as np
 
 from scaling_service.capabilities.discovery.bones import BoneKnowledge, learn_bones
-from scaling_service.capabilities.motion.run import TrackedTrial, track
+from scaling_service.capabilities.motion.result import TrackedTrial
+from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.anatomy import skin
 from scaling_service.model.body import BodyModel

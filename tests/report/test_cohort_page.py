@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import (
+from scaling_service.capabilities.cohort.result import (
     CohortDocument,
     StatisticsDocument,
     SubjectEntry,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.capabilities.dynamics.document import DynamicsDocument
+from scaling_service.capabilities.dynamics.result import DynamicsDocument
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings

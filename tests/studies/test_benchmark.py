@@ -20,7 +20,6 @@ from scaling_service.files.sto import tabulate_motion, write_sto
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.studies.benchmark.document import make_tables, read_document, tabulate_figures
 from scaling_service.studies.benchmark.parts import (
     OPENSIM,
     OURS,
@@ -30,6 +29,7 @@ from scaling_service.studies.benchmark.parts import (
     match_times,
     trace_model,
 )
+from scaling_service.studies.benchmark.result import make_tables, read_document, tabulate_figures
 from scaling_service.studies.benchmark.run import rank_entries, run_benchmark
 from scaling_service.studies.benchmark.tasks import bones, hidden, living_bone, persons, wild_recordings
 

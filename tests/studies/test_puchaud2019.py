@@ -11,7 +11,7 @@ from scaling_service.capabilities.cohort.summary import Following, MethodSummary
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.studies.claims import ClaimEntry
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.document import AXES, LENGTHS, METHODS, SAME_LENGTHS, read_paper
+from scaling_service.studies.puchaud2019.result import AXES, LENGTHS, METHODS, SAME_LENGTHS, read_paper
 from scaling_service.studies.puchaud2019.run import build_document
 
 NODES = 101

@@ -6,14 +6,14 @@ import itertools
 import multiprocessing
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections import abc
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing.synchronize import Event
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from scaling_service.core.threads import Serial, use_one_thread
+from scaling_service.core import threads
 
 if TYPE_CHECKING:
     from multiprocessing.queues import Queue
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 T = TypeVar("T")
 
-Listener = Callable[[str, str, float], None]
+Listener = abc.Callable[[str, str, float], None]
 """Called with a subject's name, what is being done, and the share that is done, 0 to 1."""
 
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
@@ -37,7 +37,7 @@ def report_stage(name: str, what: str, share: float) -> None:
 
 
 @contextmanager
-def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
+def workers(count: int, listener: Listener | None = None) -> abc.Iterator[Executor]:
     """An executor for a batch: this process for one worker, else a pool of spawned processes.
 
     Worker processes use one thread of linear algebra each, unless the environment says otherwise. When
@@ -49,10 +49,10 @@ def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
 
 
 def run_in_processes(
-    work: Callable[..., T],
-    tasks: Iterable[tuple[object, ...]],
+    work: abc.Callable[..., T],
+    tasks: abc.Iterable[tuple[object, ...]],
     count: int,
-    finished: Callable[[T, int], None] | None = None,
+    finished: abc.Callable[[T, int], None] | None = None,
 ) -> list[T]:
     """Results of a module's function for every tuple of arguments, in order, by so many workers.
 
@@ -74,17 +74,17 @@ def run_in_processes(
 
 
 @contextmanager
-def _here(listener: Listener | None) -> Iterator[Executor]:
+def _here(listener: Listener | None) -> abc.Iterator[Executor]:
     token = _LISTENER.set(listener)
     try:
-        yield Serial()
+        yield threads.Serial()
     finally:
         _LISTENER.reset(token)
 
 
 @contextmanager
-def _pool(count: int, listener: Listener | None) -> Iterator[Executor]:
-    use_one_thread()  # inherited by the workers, before they import numpy
+def _pool(count: int, listener: Listener | None) -> abc.Iterator[Executor]:
+    threads.use_one_thread()  # inherited by the workers, before they import numpy
     context = multiprocessing.get_context("spawn")
     messages: Messages = context.Queue()
     stop = context.Event()

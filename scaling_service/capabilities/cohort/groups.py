@@ -10,22 +10,17 @@ Wolfe 1999, Nonparametric Statistical Methods, 2nd ed., section 7.3).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from itertools import combinations
-from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from scaling_service.capabilities.cohort import document
-from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort import result as documents
+from scaling_service.capabilities.cohort import summary
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics import complete
-
-if TYPE_CHECKING:
-    import pandas
 
 SAME = 1e-9
 """Relative to the largest value: chosen. Two methods that must give one length (marker-based scaling,
@@ -36,8 +31,13 @@ _MM, _DEG = 1e3, 180.0 / math.pi
 
 
 def compare_groups(
-    values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
-) -> document.FriedmanEntry:
+    values: ArrayLike,
+    subjects: abc.Sequence[str],
+    methods: abc.Sequence[str],
+    *,
+    quantity: str,
+    alpha: float = 0.05,
+) -> documents.FriedmanEntry:
     """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
 
     Parameters
@@ -72,7 +72,7 @@ def compare_groups(
     spread = n * float(np.sum((mean_rank - (k + 1) / 2) ** 2))
     statistic = spread / variance if variance > 0.0 else 0.0
     p = float(scipy.stats.chi2.sf(statistic, k - 1))
-    return document.FriedmanEntry(
+    return documents.FriedmanEntry(
         chi_square=statistic,
         degrees_of_freedom=k - 1,
         p=p,
@@ -84,8 +84,8 @@ def compare_groups(
 
 
 def _compare_pairs(
-    table: Array, mean_rank: Array, error: float, methods: Sequence[str], alpha: float, *, gate: bool
-) -> list[document.RankedPairEntry]:
+    table: Array, mean_rank: Array, error: float, methods: abc.Sequence[str], alpha: float, *, gate: bool
+) -> list[documents.RankedPairEntry]:
     """Tukey's HSD on mean ranks whose standard error is known."""
     first, second = np.array(list(combinations(range(len(methods)), 2))).T
     apart = np.abs(mean_rank[first] - mean_rank[second])
@@ -93,7 +93,7 @@ def _compare_pairs(
     p = scipy.stats.studentized_range.sf(q, len(methods), np.inf)
     differences = table[:, first] - table[:, second]
     return [
-        document.RankedPairEntry(
+        documents.RankedPairEntry(
             methods=(methods[first[i]], methods[second[i]]),
             difference_mean=float(differences[:, i].mean()),
             difference_sd=float(differences[:, i].std(ddof=1)),
@@ -104,7 +104,7 @@ def _compare_pairs(
     ]
 
 
-def _average_errors(method: MethodSummary) -> dict[str, float]:
+def _average_errors(method: summary.MethodSummary) -> dict[str, float]:
     """Mean kinematic error over the trials of each role, every trial counting the same, m.
 
     Chosen: Puchaud 2019 defines the error of a trial, and does not say how trials are pooled.
@@ -116,78 +116,71 @@ def _average_errors(method: MethodSummary) -> dict[str, float]:
     return {role: float(np.mean(errors)) for role, errors in by_role.items()}
 
 
-def _average_axes(method: MethodSummary) -> dict[str, float]:
-    return {
-        f"{side}_{axis}": turn
-        for side, turns in method.knee_axes.items()
-        for axis, turn in zip("xy", turns, strict=True)
-    }
-
-
-def _shift(method: MethodSummary) -> dict[str, float]:
-    shifts = list(method.marker_shifts.values())
-    return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
-
-
-KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]] = MappingProxyType(
-    {
-        "segment_lengths_mm": (_MM, lambda method: method.lengths),
-        "kinematic_error_mm": (_MM, _average_errors),
-        "knee_axis_deg": (_DEG, _average_axes),
-        "marker_shift_mm": (_MM, _shift),
-        "from_truth_mm": (_MM, lambda method: method.from_truth_m),
-        "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
-    }
-)
-"""Kind of quantity, as the document's lists are called, to its factor and where a method's summary has it."""
-
-
 def compare_quantities(
-    subjects: Sequence[SubjectSummary], methods: Sequence[str], alpha: float
-) -> dict[str, list[document.QuantityEntry]]:
+    subjects: abc.Sequence[summary.SubjectSummary], methods: abc.Sequence[str], alpha: float
+) -> dict[str, list[documents.QuantityEntry]]:
     """Every quantity of every kind, over every panel that the cohort allows.
 
     ``alpha`` is of each test: quantities are not corrected for each other, as in Puchaud 2019 (section 2.3).
     """
     import pandas  # only here and after all work: it takes half a second
 
+    # Kind of quantity, as the document's lists are called, to its factor and where a method's summary has it.
+    kinds: abc.Mapping[str, tuple[float, abc.Callable[[summary.MethodSummary], abc.Mapping[str, float]]]] = {
+        "segment_lengths_mm": (_MM, lambda method: method.lengths),
+        "kinematic_error_mm": (_MM, _average_errors),
+        "knee_axis_deg": (
+            _DEG,
+            lambda method: {
+                f"{side}_{axis}": turn
+                for side, turns in method.knee_axes.items()
+                for axis, turn in zip("xy", turns, strict=True)
+            },
+        ),
+        "marker_shift_mm": (
+            _MM,
+            lambda method: (
+                {"mean_over_markers": float(np.mean(list(method.marker_shifts.values())))}
+                if method.marker_shifts
+                else {}
+            ),
+        ),
+        "from_truth_mm": (_MM, lambda method: method.from_truth_m),
+        "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
+    }
     long = pandas.DataFrame(
         (
             (kind, quantity, s.subject, name, factor * value)
-            for kind, (factor, read) in KINDS.items()
+            for kind, (factor, read) in kinds.items()
             for s in subjects
             for name, method in s.methods.items()
             for quantity, value in read(method).items()
         ),
         columns=["kind", "quantity", "subject", "method", "value"],
     )
-    entries: dict[str, list[document.QuantityEntry]] = {kind: [] for kind in KINDS}
+    entries: dict[str, list[documents.QuantityEntry]] = {kind: [] for kind in kinds}
     for (kind, quantity), found in long.groupby(["kind", "quantity"], sort=False):
         table = found.pivot(index="subject", columns="method", values="value")
         table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])
         has = {subject: list(row.dropna().index) for subject, row in table.iterrows()}
         for panel in complete.list_panels(has, methods):
             part = table.loc[list(panel.subjects), list(panel.methods)]
-            entries[kind].append(_compare_panel(part, panel, quantity, alpha))
+            note = explain_too_few(panel)
+            tested = None
+            if not note:
+                tested = compare_groups(part, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
+            entries[kind].append(
+                documents.QuantityEntry(
+                    quantity=quantity,
+                    compared=documents.Compared.model_validate(panel),
+                    mean=part.mean().to_dict(),
+                    sd=part.std().to_dict() if len(part) > 1 else {},
+                    values=part.to_dict("index"),
+                    friedman=tested,
+                    note=note,
+                )
+            )
     return entries
-
-
-def _compare_panel(
-    table: pandas.DataFrame, panel: complete.Panel, quantity: str, alpha: float
-) -> document.QuantityEntry:
-    note = explain_too_few(panel)
-    tested = None
-    if not note:
-        tested = compare_groups(table, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
-    return document.QuantityEntry(
-        quantity=quantity,
-        compared=document.Compared.model_validate(panel),
-        mean=table.mean().to_dict(),
-        sd=table.std().to_dict() if len(table) > 1 else {},
-        values=table.to_dict("index"),
-        friedman=tested,
-        note=note,
-    )
 
 
 def explain_too_few(panel: complete.Panel) -> str:

@@ -9,17 +9,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
+import pydantic
 
-from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort.members import COLUMN
 from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
 from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
-from scaling_service.documents import base
-from scaling_service.documents.jobs import Failure, State
+from scaling_service.documents import base, jobs
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier
 
@@ -45,7 +44,9 @@ def _refuse_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[
     return groups
 
 
-_Label = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
+_Label = Annotated[
+    str, pydantic.StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)
+]
 
 
 class MemberRequest(ScalingRequest):
@@ -56,34 +57,38 @@ class MemberResult(base.Part):
     """How a member of a batch ended that did not fail."""
 
     status: Literal["done", "skipped"]
-    reason: str = Field(description="Why it was skipped; empty where it is done.")
+    reason: str = pydantic.Field(description="Why it was skipped; empty where it is done.")
     wall_s: float
 
 
-class BatchRequest(job.JobRequest):
+class BatchRequest(job.WithTables):
     """Scale many subjects' models, and compare the methods over all of them.
 
     One subject's failure does not stop the others; the result says how each ended.
     """
 
-    model_config = ConfigDict(serialize_by_alias=True)
+    model_config = pydantic.ConfigDict(serialize_by_alias=True)
 
-    batch_subjects: Annotated[tuple[Identifier, ...], AfterValidator(_require_each_once)] = Field(
-        alias="subjects",
-        min_length=1,
-        max_length=MOST_SUBJECTS,
-        description="Names of the subjects, as uploaded.",
-        examples=[["S01"]],
+    batch_subjects: Annotated[tuple[Identifier, ...], pydantic.AfterValidator(_require_each_once)] = (
+        pydantic.Field(
+            alias="subjects",
+            min_length=1,
+            max_length=MOST_SUBJECTS,
+            description="Names of the subjects, as uploaded.",
+            examples=[["S01"]],
+        )
     )
-    groups: Annotated[dict[Identifier, dict[_Label, _Label]], AfterValidator(_refuse_subject_column)] = Field(
+    groups: Annotated[
+        dict[Identifier, dict[_Label, _Label]], pydantic.AfterValidator(_refuse_subject_column)
+    ] = pydantic.Field(
         default={}, description="Subject to labels that are kept in the results, such as sex or side."
     )
-    methods: ChosenMethods = Field(
+    methods: ChosenMethods = pydantic.Field(
         default=None,
         description=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         examples=[["MB", "MB_am"]],
     )
-    settings: Settings = Field(
+    settings: Settings = pydantic.Field(
         default=Settings(), description="How recordings are processed and models fitted."
     )
 
@@ -132,7 +137,9 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     """
     from scaling_service.capabilities.cohort.run import explain_none_possible, summarise_cohort
     from scaling_service.capabilities.cohort.saving import check_names, save_cohort
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)
     check_names(((name, name, Path(name, base.DOCUMENT)) for name in request.subjects), _COHORT)
@@ -142,6 +149,7 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
         raise explain_none_possible(reasons, request.methods, _COHORT)
     result = summarise_cohort(outcomes, request.methods, request.settings, cohort=_COHORT, started=clock)
     save_cohort(result.document, outcomes, outputs)
+    write_tables(result.tables, result.document)
     return result.document.model_dump(mode="json")
 
 
@@ -162,12 +170,12 @@ def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], 
     from scaling_service.capabilities.cohort.outcomes import Outcome, read_summary
 
     shown = f"{name}/{base.DOCUMENT}"
-    if end["state"] != State.DONE:
+    if end["state"] != jobs.State.DONE:
         return Outcome(
             name=name,
             groups=groups,
             status="failed",
-            reason=str(Failure.model_validate(end["failure"])),
+            reason=str(jobs.Failure.model_validate(end["failure"])),
             shown=shown,
         )
     result = MemberResult.model_validate(end["result"])
@@ -183,13 +191,15 @@ def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], 
     )
 
 
-KINDS = {
-    "batch": job.Kind(
-        request=BatchRequest,
-        work=summarise,
-        route="batches",
-        result=CohortDocument,
-        parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=RECORD),
-    ),
-    "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "batch": job.Kind(
+            request=BatchRequest,
+            work=summarise,
+            route="batches",
+            result=documents.CohortDocument,
+            parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=documents.RECORD),
+        ),
+        "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
+    }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scaling_service.core.errors import FileUnreadable, InputError
-from scaling_service.documents.reading import read_content, read_text
+from scaling_service.core import errors
+from scaling_service.documents import reading
 
 COLUMN = "subject"
 _SUFFIXES = (".yaml", ".yml", ".json")
@@ -22,7 +22,7 @@ class Listed:
 
     file: Path
     shown: str
-    groups: Mapping[str, str] = field(default_factory=dict)
+    groups: abc.Mapping[str, str] = field(default_factory=dict)
 
 
 def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
@@ -42,7 +42,7 @@ def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
                 else:
                     passed.append(f"{shown} was passed over: it is no subject file")
         if not members:
-            raise InputError(
+            raise errors.InputError(
                 "there is no subject file in this folder",
                 file=cohort,
                 remedy=f"Put subject files ({', '.join(_SUFFIXES)}) there, or folders with a subject.yaml "
@@ -50,7 +50,7 @@ def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
             )
         return tuple(members), tuple(passed)
     if cohort.suffix.lower() in _SUFFIXES:
-        raise InputError(
+        raise errors.InputError(
             "a cohort is a CSV file or a folder, and this looks like a subject file",
             file=cohort,
             remedy=f"Name it in a CSV file with the column `{COLUMN}`, or give its folder",
@@ -67,27 +67,29 @@ def _list_candidates(path: Path) -> list[Path]:
 def _is_subject(file: Path) -> bool:
     """Whether a document says anything of a subject; one that cannot be read counts, to be reported."""
     try:
-        content = read_content(file)
-    except InputError:
+        content = reading.read_content(file)
+    except errors.InputError:
         return True
-    return isinstance(content, Mapping) and (
-        "trials" in content or isinstance(content.get("subject"), Mapping)
+    return isinstance(content, abc.Mapping) and (
+        "trials" in content or isinstance(content.get("subject"), abc.Mapping)
     )
 
 
-def _in_table(file: Path) -> Iterator[Listed]:
-    lines = read_text(file, "a table of subjects").splitlines()
+def _in_table(file: Path) -> abc.Iterator[Listed]:
+    lines = reading.read_text(file, "a table of subjects").splitlines()
     # The header's names, and the other rows that are not blank with their line numbers
     filled = next((k for k, line in enumerate(lines) if line.strip()), None)
     if filled is None:
-        raise InputError("it is empty", file=file, remedy=f"Write a header with `{COLUMN}`, then a row each")
+        raise errors.InputError(
+            "it is empty", file=file, remedy=f"Write a header with `{COLUMN}`, then a row each"
+        )
     for separator in _SEPARATORS:
         table = _split(lines, filled, separator, file)
         header = [name.strip() for name in table[0][1]]
         if COLUMN in header:
             break
     else:
-        raise InputError(
+        raise errors.InputError(
             f"there is no column `{COLUMN}`; the header is '{lines[filled].strip()}'",
             file=file,
             field="header",
@@ -95,7 +97,7 @@ def _in_table(file: Path) -> Iterator[Listed]:
         )
     for name in header:
         if not name or header.count(name) > 1:
-            raise InputError(
+            raise errors.InputError(
                 f"two columns are called '{name}'" if name else "a column has no name",
                 file=file,
                 field="header",
@@ -103,14 +105,14 @@ def _in_table(file: Path) -> Iterator[Listed]:
             )
     rows = [(number, cells) for number, cells in table[1:] if any(cell.strip() for cell in cells)]
     if not rows:
-        raise InputError("it names no subject", file=file, remedy="Write a row for each subject file")
+        raise errors.InputError("it names no subject", file=file, remedy="Write a row for each subject file")
     column = header.index(COLUMN)
     seen: dict[Path, int] = {}
     for number, cells in rows:
         place = f"line {number}"
         shown = cells[column].strip() if column < len(cells) else ""
         if len(cells) > len(header) or not shown:
-            raise InputError(
+            raise errors.InputError(
                 "no subject file is named"
                 if not shown
                 else f"it has {len(cells)} cells, the header {len(header)}",
@@ -121,14 +123,14 @@ def _in_table(file: Path) -> Iterator[Listed]:
         path = (file.parent / Path(shown).expanduser()).absolute()
         if not path.is_file():
             problem = "is a folder, not a file" if path.is_dir() else "does not exist"
-            raise InputError(
+            raise errors.InputError(
                 f"'{shown}' {problem} (looked for {path})",
                 file=file,
                 field=f"{place}, {COLUMN}",
                 remedy="Paths are relative to the cohort file: correct the path, or remove the line",
             )
         if (before := seen.setdefault(path.resolve(), number)) != number:
-            raise InputError(
+            raise errors.InputError(
                 f"'{shown}' stands in line {before} already",
                 file=file,
                 field=place,
@@ -138,11 +140,11 @@ def _in_table(file: Path) -> Iterator[Listed]:
         yield Listed(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
 
 
-def _split(lines: Sequence[str], first: int, separator: str, file: Path) -> list[tuple[int, list[str]]]:
+def _split(lines: abc.Sequence[str], first: int, separator: str, file: Path) -> list[tuple[int, list[str]]]:
     reader = csv.reader(lines[first:], delimiter=separator, skipinitialspace=True)
     try:
         return [(first + reader.line_num, cells) for cells in reader]
     except csv.Error as error:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"it is no table: {error}", file=file, remedy="Save it as CSV in UTF-8"
         ) from None

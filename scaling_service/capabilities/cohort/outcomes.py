@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -16,21 +16,20 @@ from typing import Literal, Protocol
 
 from pydantic import TypeAdapter
 
-from scaling_service.capabilities.cohort.document import RECORD
+from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.capabilities.cohort.executors import report_stage
-from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
+from scaling_service.capabilities.cohort.result import RECORD
+from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
-from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.reading import hash_input_files, load_subject
+from scaling_service.capabilities.subject import reading
+from scaling_service.capabilities.subject.images import takes_bones
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.results import ComparisonDocument
 from scaling_service.documents.writing import code_version
-from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 
 Status = Literal["done", "skipped", "failed"]
@@ -49,7 +48,7 @@ class NothingPossible(InputError):
 class Done:
     """What a member gives: its summary, and whether it was kept from an earlier run."""
 
-    summary: SubjectSummary
+    summary: summaries.SubjectSummary
     kept: bool = False
 
 
@@ -65,10 +64,10 @@ class Member(Protocol):
         """What stands for it in the list of members, such as its file."""
 
     @property
-    def groups(self) -> Mapping[str, str]:
+    def groups(self) -> abc.Mapping[str, str]:
         """Labels kept in the results."""
 
-    def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
+    def work(self, methods: abc.Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
         """Scale the subject; raises NothingPossible to be skipped, any other InputError to fail."""
 
 
@@ -81,37 +80,39 @@ class Outcome:
     """
 
     name: str
-    groups: Mapping[str, str]
+    groups: abc.Mapping[str, str]
     status: Status
     reason: str = ""
-    summary: SubjectSummary | None = None
+    summary: summaries.SubjectSummary | None = None
     kept: bool = False
     wall_s: float = 0.0
     shown: str = ""
 
 
 def select_possible_methods(
-    subject: Subject, methods: Sequence[str] | None = None
+    subject: Subject, methods: abc.Sequence[str] | None = None
 ) -> tuple[tuple[str, ...], dict[str, str]]:
     """The methods, of those asked for or all, that a subject's files allow; the others with the reason."""
-    imaged = bool(subject.bones) and subject.model in BUILTIN_NAMES
+    imaged = bool(subject.bones) and takes_bones(subject)
     left_out = {}
-    wanted = methods or tuple(METHODS)
+    wanted = methods or tuple(table.METHODS)
     for name in wanted:
-        if METHODS[name].needs_images and not imaged:
-            left_out[name] = "no bones" if not subject.bones else "bones are used with built-in models only"
-        elif isinstance(METHODS[name], Optimised) and not subject.calibration:
+        if table.METHODS[name].needs_images and not imaged:
+            left_out[name] = (
+                "no bones" if not subject.bones else "bones are used with built-in and .osim models only"
+            )
+        elif isinstance(table.METHODS[name], Optimised) and not subject.calibration:
             left_out[name] = "no calibration trial"
     return tuple(name for name in wanted if name not in left_out), left_out
 
 
 def run_members(
-    members: Sequence[Member],
+    members: abc.Sequence[Member],
     executor: Executor,
-    methods: Sequence[str] | None = None,
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     *,
-    finished: Callable[[Outcome], None] | None = None,
+    finished: abc.Callable[[Outcome], None] | None = None,
 ) -> tuple[Outcome, ...]:
     """Scale every member of a cohort, in the members' order; one subject's failure stops no other.
 
@@ -119,7 +120,7 @@ def run_members(
     depend on it. ``methods``: all that each subject allows unless given. ``finished``: called with each
     outcome as it ends, in any order. SubjectInvalid: a method that there is not.
     """
-    check_methods(methods or ())
+    table.check_methods(methods or ())
     futures: list[Future[Outcome]] = []
     try:
         for member in members:
@@ -134,7 +135,7 @@ def run_members(
         raise
 
 
-def _announce(finished: Callable[[Outcome], None], member: Member, future: Future[Outcome]) -> None:
+def _announce(finished: abc.Callable[[Outcome], None], member: Member, future: Future[Outcome]) -> None:
     if not future.cancelled() and not isinstance(future.exception(), KeyboardInterrupt):
         finished(_make_outcome(member, future))
 
@@ -149,7 +150,7 @@ def _make_outcome(member: Member, future: Future[Outcome]) -> Outcome:
         )
 
 
-def _run_member(member: Member, methods: Sequence[str] | None, settings: Settings) -> Outcome:
+def _run_member(member: Member, methods: abc.Sequence[str] | None, settings: Settings) -> Outcome:
     """How one member ends, whatever happens to it; runs in a worker."""
     clock = time.perf_counter()
 
@@ -189,7 +190,7 @@ class Record:
 
     specification: str
     files: tuple[str, ...]
-    summary: SubjectSummary
+    summary: summaries.SubjectSummary
 
 
 _RECORDS = TypeAdapter(Record)
@@ -207,11 +208,11 @@ class SubjectMember:
     file: Path
     folder: Path
     shown: str = ""
-    groups: Mapping[str, str] = field(default_factory=dict)
+    groups: abc.Mapping[str, str] = field(default_factory=dict)
     force: bool = False
     error: InputError | None = None
 
-    def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
+    def work(self, methods: abc.Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
         """Scale by the methods that are possible, and write what ``compare`` writes.
 
         NothingPossible: none of the methods can be done. InputError: whatever in the subject's files cannot
@@ -219,7 +220,7 @@ class SubjectMember:
         """
         if self.error is not None:
             raise self.error
-        subject = load_subject(self.file)
+        subject = reading.load_subject(self.file)
         possible, left_out = select_possible_methods(subject, methods)
         if not possible:
             raise NothingPossible("; ".join(f"{method}: {why}" for method, why in left_out.items()))
@@ -237,22 +238,25 @@ class SubjectMember:
             self.folder,
             progress=lambda what, share: progress(what, _COMPUTING + (1.0 - _COMPUTING) * share),
         )
-        summary = summarise(results, left_out=left_out)
+        summary = summaries.summarise(results, left_out=left_out)
         # Written beside and moved into place, so that there is never half of one.
-        record = Record(specified, _list_files(document), summary)
+        written = [
+            f"{m.method}/{name}" for m in document.methods.values() for name in (*m.files, "scaling.json")
+        ]
+        record = Record(specified, ("comparison.json", *written), summary)
         new = self.folder / f".{RECORD}.{os.getpid()}"
         new.write_text(json.dumps(_RECORDS.dump_python(record)) + "\n", encoding="utf-8")
         new.replace(self.folder / RECORD)
         return Done(summary)
 
 
-def hash_inputs(file: Path, subject: Subject, methods: Sequence[str] | None, settings: Settings) -> str:
+def hash_inputs(file: Path, subject: Subject, methods: abc.Sequence[str] | None, settings: Settings) -> str:
     """SHA-256 of what a subject's results depend on.
 
     The subject document counts as it is understood, not as it is written: comments and order change nothing.
     Every file that it names counts by its content.
     """
-    inputs = hash_input_files(subject, file)
+    inputs = reading.hash_input_files(subject, file)
     del inputs[file.resolve().name]
     content = {
         "record": RECORD_VERSION,
@@ -276,13 +280,6 @@ def read_record(folder: Path) -> Record | None:
     return record if all((folder / name).is_file() for name in record.files) else None
 
 
-def read_summary(folder: Path) -> SubjectSummary:
+def read_summary(folder: Path) -> summaries.SubjectSummary:
     """What the statistics take of a subject that is done, whose other files need not be there."""
     return _RECORDS.validate_json((folder / RECORD).read_bytes()).summary
-
-
-def _list_files(document: ComparisonDocument) -> tuple[str, ...]:
-    by_method = [
-        f"{m.method}/{name}" for m in document.methods.values() for name in (*m.files, "scaling.json")
-    ]
-    return ("comparison.json", *by_method)

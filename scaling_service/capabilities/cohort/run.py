@@ -2,46 +2,36 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
+from scaling_service.capabilities.cohort import outcomes as cohort_outcomes
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import saving
-from scaling_service.capabilities.cohort.document import (
-    CohortDocument,
-    QuantityEntry,
-    StatisticsDocument,
-    SubjectEntry,
-)
 from scaling_service.capabilities.cohort.executors import workers
-from scaling_service.capabilities.cohort.members import Listed, read_members
-from scaling_service.capabilities.cohort.outcomes import (
-    Outcome,
-    SubjectMember,
-    run_members,
-    select_possible_methods,
-)
+from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
-from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
+from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import format_p
 from scaling_service.core.threads import count_cores
-from scaling_service.documents.writing import check_folder, code_version
-from scaling_service.model.subject import Subject
+from scaling_service.documents import writing
 from scaling_service.recording.orientation import check_axes
 from scaling_service.report.words import spell_name
 
 
-def write_headline(found: StatisticsDocument) -> str:
+def write_headline(found: documents.StatisticsDocument) -> str:
     """Which method follows the markers most closely, and whether that is more than chance."""
     role, entry = next(_list_compared_errors(found), (None, None))
     if role is None or entry is None:
@@ -55,19 +45,57 @@ def write_headline(found: StatisticsDocument) -> str:
     return said if entry.friedman.significant else f"{said}, but the methods may differ by chance"
 
 
-def write_reasons(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) -> list[str]:
+def write_reasons(
+    found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
+) -> list[str]:
     """What the headline rests on, and what it does not say; ``groups``: the labels of each subject."""
+    told: list[str] = []
+    for said, entry in _list_compared_errors(found):
+        ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
+        told.append(f"{ranked} {_describe_test(entry)}")
+    # The errors of the first role in each group of each label
+    for said, entry in islice(_list_compared_errors(found), 1):
+        for label in sorted({label for given in groups.values() for label in given}):
+            members: dict[str, list[abc.Mapping[str, float]]] = {}
+            for subject in entry.compared.subjects:
+                group = groups[subject].get(label) or "not given"
+                members.setdefault(group, []).append(entry.values[subject])
+            if len(members) > 1:
+                means = {
+                    group: {method: sum(one[method] for one in of) / len(of) for method in of[0]}
+                    for group, of in members.items()
+                }
+                ranks = "; ".join(
+                    f"{group} ({len(of)}): {_rank(means[group])}" for group, of in members.items()
+                )
+                how = "Groups are described, not tested"
+                told.append(f"By {label}, kinematic error {said}, mm: {ranks}. {how}.")
+    lengths = [
+        (spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None
+    ]
+    differ = dict.fromkeys(name for name, test in lengths if test.significant)
+    told.extend(_tell_differences(len(lengths), ", ".join(differ), "segment length", ""))
+    # Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects
+    for reference, whose in ((IMAGED, "the image"), (TRUTH, "the truth")):
+        squares: dict[str, list[float]] = {}
+        for item in found.agreement:
+            if item.reference == reference and "." not in item.quantity:
+                squares.setdefault(item.method, []).append(item.rmse_mm**2)
+        if squares:
+            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
+            told.append(f"Lengths against {whose}, RMS in mm, nearest first: {_rank(rms)}.")
+    angles = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
+    moving = dict.fromkeys(name for name, test in angles if test.significant)
+    told.extend(_tell_differences(len(angles), "; ".join(moving), "joint angle", " in the gait cycle"))
     return [
-        *_describe_errors(found),
-        *_describe_groups(found, groups),
-        *_describe_lengths(found),
-        *_describe_nearest(found),
-        *_describe_angles(found),
+        *told,
         "A small error alone is no proof of a right model: look at the agreement with images, too.",
     ]
 
 
-def _list_compared_errors(found: StatisticsDocument) -> Iterator[tuple[str, QuantityEntry]]:
+def _list_compared_errors(
+    found: documents.StatisticsDocument,
+) -> abc.Iterator[tuple[str, documents.QuantityEntry]]:
     """Errors of two methods or more, in words where: held out first."""
     entries = {entry.quantity: entry for entry in found.kinematic_error_mm if len(entry.mean) > 1}
     for role, said in (("evaluation", "on held-out trials"), ("calibration", "on trials used to fit")):
@@ -75,68 +103,18 @@ def _list_compared_errors(found: StatisticsDocument) -> Iterator[tuple[str, Quan
             yield said, entries[role]
 
 
-def _rank(values: Mapping[str, float]) -> str:
+def _rank(values: abc.Mapping[str, float]) -> str:
     return ", ".join(f"{name} {values[name]:.1f}" for name in sorted(values, key=values.__getitem__))
 
 
-def _describe_errors(found: StatisticsDocument) -> Iterator[str]:
-    for said, entry in _list_compared_errors(found):
-        ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
-        yield f"{ranked} {_describe_test(entry)}"
-
-
-def _describe_groups(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
-    """The errors of the first role in each group of each label."""
-    for said, entry in islice(_list_compared_errors(found), 1):
-        for label in sorted({label for given in groups.values() for label in given}):
-            members: dict[str, list[Mapping[str, float]]] = {}
-            for subject in entry.compared.subjects:
-                members.setdefault(groups[subject].get(label) or "not given", []).append(
-                    entry.values[subject]
-                )
-            if len(members) > 1:
-                ranks = "; ".join(
-                    f"{group} ({len(of)}): {_rank(_average_by_method(of))}" for group, of in members.items()
-                )
-                yield f"By {label}, kinematic error {said}, mm: {ranks}. Groups are described, not tested."
-
-
-def _average_by_method(values: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    return {method: sum(one[method] for one in values) / len(values) for method in values[0]}
-
-
-def _describe_test(entry: QuantityEntry) -> str:
+def _describe_test(entry: documents.QuantityEntry) -> str:
     if entry.friedman is None:
         return f"Not tested: {entry.note}."
     said = "The methods differ" if entry.friedman.significant else "No difference between methods is found"
     return f"{said} (Friedman p {format_p(entry.friedman.p)})."
 
 
-def _describe_lengths(found: StatisticsDocument) -> Iterator[str]:
-    tests = [(spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    yield from _tell_differences(len(tests), ", ".join(differ), "segment length", "")
-
-
-def _describe_nearest(found: StatisticsDocument) -> Iterator[str]:
-    """Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects."""
-    for reference, said in ((IMAGED, "the image"), (TRUTH, "the truth")):
-        squares: dict[str, list[float]] = {}
-        for item in found.agreement:
-            if item.reference == reference and "." not in item.quantity:
-                squares.setdefault(item.method, []).append(item.rmse_mm**2)
-        if squares:
-            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
-            yield f"Lengths against {said}, RMS in mm, nearest first: {_rank(rms)}."
-
-
-def _describe_angles(found: StatisticsDocument) -> Iterator[str]:
-    tests = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    yield from _tell_differences(len(tests), "; ".join(differ), "joint angle", " in the gait cycle")
-
-
-def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> Iterator[str]:
+def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> abc.Iterator[str]:
     if differ:
         yield f"{quantity.capitalize()}s differ between methods{where} for {differ}."
     elif tested:
@@ -152,7 +130,7 @@ class Watcher(Protocol):
     def stage(self, name: str, what: str, share: float) -> None:
         """A subject is at some stage, this share of it done."""
 
-    def finish(self, outcome: Outcome) -> None:
+    def finish(self, outcome: cohort_outcomes.Outcome) -> None:
         """A subject ended."""
 
 
@@ -160,8 +138,10 @@ class Watcher(Protocol):
 class BatchResult:
     """All that a report of a cohort needs."""
 
-    document: CohortDocument  # cohort.json: mm and degrees
-    outcomes: tuple[Outcome, ...]  # how every member ended, with its own curves and figures in SI
+    document: documents.CohortDocument  # cohort.json: mm and degrees
+    outcomes: tuple[
+        cohort_outcomes.Outcome, ...
+    ]  # how every member ended, with its own curves and figures in SI
     files: tuple[str, ...] = ()  # what was written beside the subjects' folders
 
     @property
@@ -189,7 +169,7 @@ class BatchResult:
 def batch(
     cohort: str | Path,
     out: str | Path,
-    methods: Sequence[str] | None = None,
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     *,
     worker_count: int | None = None,
@@ -249,17 +229,24 @@ def batch(
     example   done      MB
     """
     clock = time.perf_counter()
-    check_methods(methods or ())
+    table.check_methods(methods or ())
     check_axes(settings.up, settings.forward)
     source, folder = Path(cohort), Path(out)
-    check_folder(folder)
+    writing.check_folder(folder)
     listed, notes = read_members(source)
-    read = [_load(row) for row in listed]
-    members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
+    members, subjects = [], []
+    for row in listed:
+        member = partial(cohort_outcomes.SubjectMember, file=row.file, shown=row.shown, groups=row.groups)
+        try:
+            found = load_subject(row.file)
+        except InputError as error:
+            members.append(member(name=row.shown, folder=folder, error=error))
+        else:
+            subjects.append(found)
+            members.append(member(name=found.id, folder=(folder / found.id).absolute(), force=force))
     readable = [member for member in members if member.error is None]
     saving.check_names(((m.name, m.shown, m.file) for m in readable), source)
-    subjects = [found for found in read if isinstance(found, Subject)]
-    answers = [select_possible_methods(subject, methods) for subject in subjects]
+    answers = [cohort_outcomes.select_possible_methods(subject, methods) for subject in subjects]
     if answers and not any(possible for possible, _ in answers):
         reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
         raise explain_none_possible(reasons, methods, source)
@@ -268,19 +255,22 @@ def batch(
     if watcher is not None:
         watcher.start(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finish)
-    with _make_folder(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
-        outcomes = run_members(members, chosen, methods, settings, finished=finished)
+    with (
+        _make_folder(folder),
+        contextlib.nullcontext(executor) if executor else workers(count, listener) as chosen,
+    ):
+        outcomes = cohort_outcomes.run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
     return replace(result, files=saving.save_cohort(result.document, outcomes, folder))
 
 
 def summarise_cohort(
-    outcomes: Sequence[Outcome],
-    methods: Sequence[str] | None = None,
+    outcomes: abc.Sequence[cohort_outcomes.Outcome],
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     *,
     cohort: str,
-    notes: Sequence[str] = (),
+    notes: abc.Sequence[str] = (),
     started: float,
 ) -> BatchResult:
     """Compare the methods over the members that are done; whoever computed them, nothing is read or written.
@@ -290,9 +280,9 @@ def summarise_cohort(
     began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
-    statistics = compute_cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
-    document = CohortDocument(
-        code_version=code_version(),
+    statistics = compute_cohort_statistics(summaries, methods or tuple(table.METHODS), seed=settings.seed)
+    document = documents.CohortDocument(
+        code_version=writing.code_version(),
         cohort=cohort,
         methods_asked=None if methods is None else list(methods),
         settings=settings.resolved(),
@@ -308,7 +298,7 @@ def summarise_cohort(
 
 
 def explain_none_possible(
-    reasons: Iterable[str], methods: Sequence[str] | None, source: str | Path
+    reasons: abc.Iterable[str], methods: abc.Sequence[str] | None, source: str | Path
 ) -> InputError:
     """The error that nobody can be done by any of the methods, for these reasons."""
     return InputError(
@@ -319,39 +309,21 @@ def explain_none_possible(
     )
 
 
-def _load(row: Listed) -> Subject | InputError:
-    try:
-        return load_subject(row.file)
-    except InputError as error:
-        return error
-
-
-def _make_member(row: Listed, found: Subject | InputError, folder: Path, force: bool) -> SubjectMember:
-    if isinstance(found, InputError):
-        return SubjectMember(
-            name=row.shown, file=row.file, folder=folder, shown=row.shown, groups=row.groups, error=found
-        )
-    place = (folder / found.id).absolute()
-    return SubjectMember(
-        name=found.id, file=row.file, folder=place, shown=row.shown, groups=row.groups, force=force
-    )
-
-
-@contextmanager
-def _make_folder(folder: Path) -> Iterator[None]:
+@contextlib.contextmanager
+def _make_folder(folder: Path) -> abc.Iterator[None]:
     """The folder made before workers want to make it at the same time, and gone if nothing came into it."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
     except BaseException:
-        with suppress(OSError):  # something is in it: it stays
+        with contextlib.suppress(OSError):  # something is in it: it stays
             folder.rmdir()
         raise
 
 
-def _make_entry(outcome: Outcome) -> SubjectEntry:
+def _make_entry(outcome: cohort_outcomes.Outcome) -> documents.SubjectEntry:
     summary = outcome.summary
-    return SubjectEntry(
+    return documents.SubjectEntry(
         id=outcome.name,
         file=outcome.shown,
         groups=dict(outcome.groups),

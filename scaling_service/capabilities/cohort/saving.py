@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from pathlib import Path
 from types import MappingProxyType
 
-from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
+from scaling_service.capabilities.cohort import result as documents
+from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.capabilities.cohort.outcomes import Outcome
-from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.capabilities.cohort.words import summarise
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core import errors
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
 from scaling_service.numerics.statistics.waveforms import NODES
@@ -20,10 +20,12 @@ from scaling_service.report.onefile import Report
 
 DOCUMENT = "cohort.json"
 
-Row = Mapping[str, str | float | int | None]
+Row = abc.Mapping[str, str | float | int | None]
 
 
-def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: Path) -> tuple[str, ...]:
+def save_cohort(
+    document: documents.CohortDocument, outcomes: abc.Sequence[Outcome], folder: Path
+) -> tuple[str, ...]:
     """Write the cohort's own files, all or none, and name them."""
     with writing.all_or_nothing(folder) as scratch:
         writing.write_json(scratch / DOCUMENT, document)
@@ -37,16 +39,16 @@ def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: P
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
-def _list_lengths(summary: SubjectSummary) -> Iterator[Row]:
+def _list_lengths(summary: summaries.SubjectSummary) -> abc.Iterator[Row]:
     by_method = {name: method.lengths for name, method in summary.methods.items()}
     for method, lengths in (
-        by_method | ({TRUTH: summary.true_lengths} if summary.true_lengths else {})
+        by_method | ({summaries.TRUTH: summary.true_lengths} if summary.true_lengths else {})
     ).items():
         for segment, length in lengths.items():
             yield {"method": method, "segment": segment, "length_mm": round(1e3 * length, 4)}
 
 
-def _list_errors(summary: SubjectSummary) -> Iterator[Row]:
+def _list_errors(summary: summaries.SubjectSummary) -> abc.Iterator[Row]:
     for name, method in summary.methods.items():
         for trial, found in method.trials.items():
             values = {"mean_mm": found.mean, "rms_mm": found.rms, "max_mm": found.max}
@@ -55,7 +57,7 @@ def _list_errors(summary: SubjectSummary) -> Iterator[Row]:
             yield {"method": name, "trial": trial, "role": found.role, **shown}
 
 
-def _list_angles(summary: SubjectSummary) -> Iterator[Row]:
+def _list_angles(summary: summaries.SubjectSummary) -> abc.Iterator[Row]:
     for name, method in summary.methods.items():
         for coordinate, curve in method.curves.items():
             strides = summary.strides[coordinate.rpartition("_")[2]]
@@ -63,7 +65,9 @@ def _list_angles(summary: SubjectSummary) -> Iterator[Row]:
             yield {"method": name, "coordinate": coordinate, "strides": strides, **angles}
 
 
-TABLES: Mapping[str, tuple[tuple[str, ...], Callable[[SubjectSummary], Iterable[Row]]]] = MappingProxyType(
+TABLES: abc.Mapping[
+    str, tuple[tuple[str, ...], abc.Callable[[summaries.SubjectSummary], abc.Iterable[Row]]]
+] = MappingProxyType(
     {
         "lengths.csv": (("method", "segment", "length_mm"), _list_lengths),
         "errors.csv": (("method", "trial", "role", "mean_mm", "rms_mm", "max_mm"), _list_errors),
@@ -76,7 +80,7 @@ TABLES: Mapping[str, tuple[tuple[str, ...], Callable[[SubjectSummary], Iterable[
 """File to its columns after the subject's and its groups, and to where the rows come from."""
 
 
-def tabulate_outcomes(name: str, outcomes: Sequence[Outcome]) -> ResultTable:
+def tabulate_outcomes(name: str, outcomes: abc.Sequence[Outcome]) -> ResultTable:
     """One of :data:`TABLES` over the members that are done; labels stand in columns ``group_…``."""
     columns, read = TABLES[name]
     groups = dict.fromkeys(f"group_{group}" for outcome in outcomes for group in outcome.groups)
@@ -90,20 +94,20 @@ def tabulate_outcomes(name: str, outcomes: Sequence[Outcome]) -> ResultTable:
     return ResultTable(name.removesuffix(".csv"), names, tuple(tuple(map(row.get, names)) for row in rows))
 
 
-def check_names(members: Iterable[tuple[str, str, Path]], source: str | Path) -> None:
+def check_names(members: abc.Iterable[tuple[str, str, Path]], source: str | Path) -> None:
     """Refuse ids (with how each is shown, and its file) that would name one folder or a file of results."""
     seen: dict[str, str] = {}
     for name, shown, file in members:
         key = name.casefold()  # on some disks capitals do not count
         if key in (DOCUMENT, writing.REPORT, *TABLES):
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{name}' is the name of a file of results",
                 file=file,
                 field="subject.id",
                 remedy="Give the subject another id",
             )
         if key in seen:
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{seen[key]}' and '{shown}' are both subject '{name}'",
                 file=source,
                 field="subject.id",
@@ -112,7 +116,7 @@ def check_names(members: Iterable[tuple[str, str, Path]], source: str | Path) ->
         seen[key] = shown
 
 
-def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
+def refuse_foreign(folder: Path, names: abc.Sequence[str]) -> None:
     """Nothing of anybody else's is written over."""
     if not folder.is_dir():
         return
@@ -127,17 +131,21 @@ def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
             raise _refuse_foreign(folder, f"'{name}' there holds something else than that subject's results")
 
 
-def _refuse_foreign(folder: Path, problem: str) -> InputError:
-    return InputError(problem, file=folder, field="--out", remedy="Name another folder, or move it away")
+def _refuse_foreign(folder: Path, problem: str) -> errors.InputError:
+    return errors.InputError(
+        problem, file=folder, field="--out", remedy="Name another folder, or move it away"
+    )
 
 
 def _has_results(folder: Path, subject: str) -> bool:
     """Whether a subject's results, or nothing, are in a folder."""
-    known = (folder / RECORD).is_file() or _read_content(folder / "comparison.json").get("subject") == subject
+    known = (folder / documents.RECORD).is_file() or _read_content(folder / "comparison.json").get(
+        "subject"
+    ) == subject
     return known or not any(folder.iterdir())
 
 
-def _read_content(file: Path) -> Mapping[str, object]:
+def _read_content(file: Path) -> abc.Mapping[str, object]:
     """A JSON object; empty where there is none."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
@@ -15,17 +15,17 @@ from rich.text import Text
 
 from scaling_service.capabilities.cohort.words import make_screen_tables
 from scaling_service.capabilities.shared import screen
-from scaling_service.report.tables import Row, Table
+from scaling_service.report import tables
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.cohort.document import CohortDocument
     from scaling_service.capabilities.cohort.outcomes import Outcome
+    from scaling_service.capabilities.cohort.result import CohortDocument
 
 _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes
 _ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen
 
 
-def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
+def show_cohort(document: CohortDocument, out: Path, files: abc.Sequence[str]) -> None:
     """The methods over subjects, then the subjects that are not done, notes and files."""
     console = screen.make_console()
     ended = [s.status for s in document.subjects]
@@ -35,10 +35,11 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
         for table in make_screen_tables(document.statistics):
             screen.print_table(console, table)
     screen.say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
-    others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
+    others = [tables.Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
     if others:
         screen.print_table(
-            console, Table(caption="Not done", columns=["subject", "", "because"], rows=others, words=True)
+            console,
+            tables.Table(caption="Not done", columns=["subject", "", "because"], rows=others, words=True),
         )
     folders = [s.folder for s in document.subjects if s.folder is not None]
     written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []
@@ -101,7 +102,9 @@ class Screen:
                 self._progress.remove_task(row)
             self._show_whole()
             if not self._terminal or outcome.status == "failed":
-                said = f"{self.ended} of {self.count}  {_format_line(outcome)}"
+                reason = f": {outcome.reason}" if outcome.reason else ""
+                took = f" in {outcome.wall_s:.1f} s" if outcome.status == "done" and not outcome.kept else ""
+                said = f"{self.ended} of {self.count}  {outcome.name} {outcome.status}{took}{reason}"
                 self._progress.console.print(said, markup=False, highlight=False, soft_wrap=True)
 
     def _show_whole(self) -> None:
@@ -115,14 +118,8 @@ class Screen:
             )
 
 
-def _format_line(outcome: Outcome) -> str:
-    reason = f": {outcome.reason}" if outcome.reason else ""
-    took = f" in {outcome.wall_s:.1f} s" if outcome.status == "done" and not outcome.kept else ""
-    return f"{outcome.name} {outcome.status}{took}{reason}"
-
-
 @contextmanager
-def show_progress() -> Iterator[Screen]:
+def show_progress() -> abc.Iterator[Screen]:
     """A screen for the time of a batch; the bars are gone when it is left."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[counted]}"), _Rest())

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort import document
-from scaling_service.capabilities.cohort.groups import compare_quantities, explain_too_few
-from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort import groups
+from scaling_service.capabilities.cohort import result as documents
+from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.numerics.statistics.agreement import Estimate, measure_agreement
-from scaling_service.numerics.statistics.complete import Panel, list_panels
+from scaling_service.numerics.statistics import agreement, complete
+from scaling_service.numerics.statistics import waveforms as statistics_waveforms
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
-from scaling_service.numerics.statistics.waveforms import (
-    Curves,
-    WaveformSettings,
-    compare_waveforms,
-)
 
 GATE_RMS_M, GATE_MAX_M = 0.02, 0.04
 """OpenSim's guideline for inverse kinematics: marker errors below 2 cm RMS and 2 to 4 cm at most (Hicks et
@@ -43,17 +38,19 @@ class CohortSettings:
     """How a cohort is compared."""
 
     alpha: float = 0.05  # of every test of single numbers
-    waveforms: WaveformSettings = field(default_factory=WaveformSettings)
+    waveforms: statistics_waveforms.WaveformSettings = field(
+        default_factory=statistics_waveforms.WaveformSettings
+    )
     confidence: float = 0.95  # of the intervals of agreement
 
 
 def compute_cohort_statistics(
-    subjects: Sequence[SubjectSummary],
-    methods: Sequence[str],
+    subjects: abc.Sequence[summaries.SubjectSummary],
+    methods: abc.Sequence[str],
     *,
     seed: int = 0,
     settings: CohortSettings = CohortSettings(),
-) -> document.StatisticsDocument:
+) -> documents.StatisticsDocument:
     """Compare methods over a cohort.
 
     Each comparison is over the subjects that have all its methods; the others are named with it.
@@ -66,54 +63,58 @@ def compute_cohort_statistics(
     present = tuple(m for m in methods if any(m in s.methods for s in ordered))
     curves = list(compare_curves(ordered, present, seed, settings.waveforms))
     compared = list(compare_with_references(ordered, present, settings.confidence))
-    return document.StatisticsDocument(
-        **compare_quantities(ordered, present, settings.alpha),
+    # What joint angles were compared to, where it is not what the paper takes
+    if not curves:
+        references = ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
+    else:
+        used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
+        references = [
+            "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
+            if reference is None
+            else f"joint angles are compared with {reference}, because not every subject has EB_am"
+            for reference in used
+        ]
+    gate = []
+    for method in present:
+        passed = []
+        for s in ordered:
+            if method in s.methods:
+                of = s.methods[method]
+                seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
+                passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
+        gate.append(
+            documents.GateEntry(
+                method=method,
+                subjects=len(passed),
+                subjects_passed=sum(all(trials) for trials in passed),
+                trials=sum(len(trials) for trials in passed),
+                trials_passed=sum(sum(trials) for trials in passed),
+            )
+        )
+    return documents.StatisticsDocument(
+        **groups.compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
-        agreement=[a for a in compared if isinstance(a, document.AgreementEntry)],
-        opensim_limits=document.Gates(
+        agreement=[a for a in compared if isinstance(a, documents.AgreementEntry)],
+        opensim_limits=documents.Gates(
             rms_below_mm=GATE_RMS_M * _MM,
             max_below_mm=GATE_MAX_M * _MM,
-            methods=[_make_gate(ordered, method) for method in present],
+            methods=gate,
         ),
-        notes=[*_describe_references(curves), *(a for a in compared if isinstance(a, str))],
+        notes=[*references, *(a for a in compared if isinstance(a, str))],
     )
-
-
-def _make_gate(subjects: Sequence[SubjectSummary], method: str) -> document.GateEntry:
-    passed = [_list_passed(s.methods[method]) for s in subjects if method in s.methods]
-    return document.GateEntry(
-        method=method,
-        subjects=len(passed),
-        subjects_passed=sum(all(trials) for trials in passed),
-        trials=sum(len(trials) for trials in passed),
-        trials_passed=sum(sum(trials) for trials in passed),
-    )
-
-
-def _list_passed(method: MethodSummary) -> list[bool]:
-    seen = [t for t in method.trials.values() if math.isfinite(t.mean)]
-    return [t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen]
-
-
-def _describe_references(curves: Sequence[document.CurveEntry]) -> list[str]:
-    """What joint angles were compared to, where it is not what the paper takes."""
-    if not curves:
-        return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
-    used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
-    return [
-        "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
-        if reference is None
-        else f"joint angles are compared with {reference}, because not every subject has EB_am"
-        for reference in used
-    ]
 
 
 def compare_with_references(
-    subjects: Sequence[SubjectSummary], methods: Sequence[str], confidence: float = 0.95
-) -> Iterator[document.AgreementEntry | str]:
+    subjects: abc.Sequence[summaries.SubjectSummary], methods: abc.Sequence[str], confidence: float = 0.95
+) -> abc.Iterator[documents.AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
-    for reference in (IMAGED, TRUTH):
-        tables = _tabulate_quantities(subjects, reference)
+    for reference in (summaries.IMAGED, summaries.TRUTH):
+        # Quantity to subject to method (the reference among them) to value, mm
+        tables: dict[str, dict[str, dict[str, float]]] = {}
+        for subject in subjects:
+            for measured, column, metres in _list_quantities(subject, reference):
+                row = tables.setdefault(measured, {s.subject: {} for s in subjects})
+                row[subject.subject][column] = _MM * metres
         known = {s for table in tables.values() for s, values in table.items() if reference in values}
         if 0 < len(known) < FEWEST:
             yield (
@@ -127,15 +128,19 @@ def compare_with_references(
 
 
 def _agree(
-    quantity: str, table: Mapping[str, Mapping[str, float]], method: str, reference: str, confidence: float
-) -> Iterator[document.AgreementEntry]:
+    quantity: str,
+    table: abc.Mapping[str, abc.Mapping[str, float]],
+    method: str,
+    reference: str,
+    confidence: float,
+) -> abc.Iterator[documents.AgreementEntry]:
     both = {s: values for s, values in table.items() if method in values and reference in values}
     if len(both) < FEWEST:
         return
-    found = measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
+    found = agreement.measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
     # Where the reference does not differ between persons, intraclass correlations say nothing.
     varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
-    yield document.AgreementEntry(
+    yield documents.AgreementEntry(
         quantity=quantity,
         method=method,
         reference=reference,
@@ -152,8 +157,8 @@ def _agree(
     )
 
 
-def _make_interval(estimate: Estimate) -> document.Interval:
-    return document.Interval(
+def _make_interval(estimate: agreement.Estimate) -> documents.Interval:
+    return documents.Interval(
         value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high)
     )
 
@@ -162,24 +167,14 @@ def _keep_finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _tabulate_quantities(
-    subjects: Sequence[SubjectSummary], reference: str
-) -> dict[str, dict[str, dict[str, float]]]:
-    """Quantity to subject to method (the reference among them) to value, mm."""
-    tables: dict[str, dict[str, dict[str, float]]] = {}
-    for subject in subjects:
-        for quantity, method, metres in _list_quantities(subject, reference):
-            row = tables.setdefault(quantity, {s.subject: {} for s in subjects})
-            row[subject.subject][method] = _MM * metres
-    return tables
-
-
-def _list_quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, str, float]]:
+def _list_quantities(
+    subject: summaries.SubjectSummary, reference: str
+) -> abc.Iterator[tuple[str, str, float]]:
     """Quantity, method and value: lengths, and joint centres' coordinates in the proximal segment."""
     for method, summary in subject.methods.items():
         yield from ((name, method, length) for name, length in summary.lengths.items())
-    if reference == TRUTH:
-        yield from ((name, TRUTH, length) for name, length in subject.true_lengths.items())
+    if reference == summaries.TRUTH:
+        yield from ((name, summaries.TRUTH, length) for name, length in subject.true_lengths.items())
     for method, joints in subject.centres.get(reference, {}).items():
         for joint, place in joints.items():
             for axis, value in zip("xyz", place, strict=True):
@@ -187,8 +182,11 @@ def _list_quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[
 
 
 def compare_curves(
-    subjects: Sequence[SubjectSummary], methods: Sequence[str], seed: int, settings: WaveformSettings
-) -> Iterator[document.CurveEntry]:
+    subjects: abc.Sequence[summaries.SubjectSummary],
+    methods: abc.Sequence[str],
+    seed: int,
+    settings: statistics_waveforms.WaveformSettings,
+) -> abc.Iterator[documents.CurveEntry]:
     """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
     coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
     for coordinate in coordinates:
@@ -196,28 +194,28 @@ def compare_curves(
             s.subject: [name for name, method in s.methods.items() if coordinate in method.curves]
             for s in subjects
         }
-        for panel in list_panels(has, methods):
+        for panel in complete.list_panels(has, methods):
             rng = stream(seed, "cohort", "curves", coordinate, *panel.methods)
             yield _compare_curve(coordinate, panel, subjects, rng, settings)
 
 
 def _compare_curve(
     coordinate: str,
-    panel: Panel,
-    subjects: Sequence[SubjectSummary],
+    panel: complete.Panel,
+    subjects: abc.Sequence[summaries.SubjectSummary],
     rng: np.random.Generator,
-    settings: WaveformSettings,
-) -> document.CurveEntry:
+    settings: statistics_waveforms.WaveformSettings,
+) -> documents.CurveEntry:
     side = coordinate.rpartition("_")[2]
     counted = [s for s in subjects if s.subject in panel.subjects]
     sat = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
     known = replace(panel, excluded={s: sat.get(s, why) for s, why in panel.excluded.items()})
     values = np.array([[s.methods[m].curves[coordinate] for m in panel.methods] for s in counted])
     reference = next((m for m in REFERENCES if m in panel.methods), None)
-    note, test = explain_too_few(panel), None
+    note, test = groups.explain_too_few(panel), None
     if not note:
-        curves = Curves(coordinate, panel.subjects, panel.methods, values)
-        test = compare_waveforms(curves, rng, reference=reference, settings=settings)
+        curves = statistics_waveforms.Curves(coordinate, panel.subjects, panel.methods, values)
+        test = statistics_waveforms.compare_waveforms(curves, rng, reference=reference, settings=settings)
         # A note where too few subjects make significance impossible
         n = len(test.subjects)
         if not test.anova.can_decide:
@@ -227,16 +225,16 @@ def _compare_curve(
         else:
             note = ""
     degrees = np.degrees(values)
-    return document.CurveEntry(
+    return documents.CurveEntry(
         coordinate=coordinate,
-        compared=document.Compared.model_validate(known),
+        compared=documents.Compared.model_validate(known),
         strides={s.subject: s.strides[side] for s in counted},
         reference=reference,
         mean_deg=_by_method(panel, degrees.mean(axis=0)),
         sd_deg=_by_method(panel, degrees.std(axis=0, ddof=1)) if len(counted) > 1 else {},
         anova=None if test is None else _make_curve_test(test.anova),
         pairs=[
-            document.CurvePairEntry(
+            documents.CurvePairEntry(
                 methods=pair.methods,
                 difference_mean_deg=np.degrees(pair.difference_mean).tolist(),
                 test=_make_curve_test(pair.test),
@@ -247,19 +245,19 @@ def _compare_curve(
     )
 
 
-def _by_method(panel: Panel, curves: Array) -> dict[str, list[float]]:
+def _by_method(panel: complete.Panel, curves: Array) -> dict[str, list[float]]:
     return dict(zip(panel.methods, curves.tolist(), strict=True))
 
 
-def _make_curve_test(test: CurveTest) -> document.CurveTestEntry:
-    return document.CurveTestEntry(
+def _make_curve_test(test: CurveTest) -> documents.CurveTestEntry:
+    return documents.CurveTestEntry(
         statistic=test.statistic.tolist(),
         threshold=_keep_finite(test.threshold),
         p=test.p,
         alpha=test.alpha,
         significant=test.significant,
         clusters=[
-            document.ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters
+            documents.ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters
         ],
         rearrangements=test.rearrangements,
         exact=test.exact,

@@ -8,13 +8,14 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
+from scaling_service.capabilities.scaling.methods.image_points import find_imaged_parts, find_lengths
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
-from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence
 
@@ -67,7 +68,7 @@ class SubjectSummary:
     subject: str
     methods: Mapping[str, MethodSummary]  # in the order computed
     true_lengths: Mapping[str, float] = field(default_factory=dict)  # empty where the truth is not known
-    centres: Mapping[str, Mapping[str, Mapping[str, Vector]]] = field(default_factory=dict)
+    centres: Mapping[str, Mapping[str, Mapping[str, body.Vector]]] = field(default_factory=dict)
     strides: Mapping[str, int] = field(default_factory=dict)  # r, l to the strides behind the curves
     no_strides: Mapping[str, str] = field(default_factory=dict)  # r, l to why there are none
     left_out: Mapping[str, str] = field(default_factory=dict)  # method to why it was not done
@@ -77,23 +78,24 @@ class SubjectSummary:
 class Truth:
     """The true body and motion of a virtual person."""
 
-    model: BodyModel
+    model: body.BodyModel
     motions: Mapping[str, Array]  # trial to coordinates, (n_frames, n_coordinates), rad or m
 
 
 def summarise(
-    results: Results, truth: Truth | None = None, left_out: Mapping[str, str] | None = None
+    results: result.Results, truth: Truth | None = None, left_out: Mapping[str, str] | None = None
 ) -> SubjectSummary:
     """What a cohort's statistics take of one subject's results.
 
-    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of a
-    leg that was not imaged an image-based method knows no length: what it took over from the other leg
-    is left out here.
+    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of
+    what was not imaged an image-based method knows no length: what it took over from the other leg, from
+    persons alike or from markers is left out here.
     """
     session, scalings = results.session, results.scalings
     motions = {method: scaling.motions for method, scaling in scalings.items()}
     strides = make_stride_curves(session.dynamic, motions, session.model)
-    imaged = _find_imaged(session.images)
+    by_images = any(METHODS[method].needs_images for method in scalings)
+    imaged = _find_imaged(session.model, session.images) if by_images else frozenset()
     return SubjectSummary(
         subject=session.subject.id,
         methods={
@@ -111,7 +113,7 @@ def summarise(
 
 
 def _summarise_method(
-    scaling: Scaling,
+    scaling: result.Scaling,
     session: Session,
     strides: StrideCurves,
     imaged: frozenset[str] | None,
@@ -120,7 +122,16 @@ def _summarise_method(
     method, shape = scaling.calibration.method, scaling.geometry
     fitted = {trial.name for trial in session.calibration}
     moves_markers = any(p.group == "marker" for p in scaling.calibration.parameters)
-    metres, radians = ({}, {}) if truth is None else _from_truth(scaling, session, truth)
+    metres: dict[str, float] = {}
+    radians: Mapping[str, float] = {}
+    if truth is not None:
+        # Distances of one method from the truth, m and rad, as `demo` shows them
+        model = scaling.calibration.model
+        motions = [scaling.motions[name] for name in _select_judged_trials(session)]
+        lengths = [abs(gap) for gap in geometry.compute_length_errors(model, truth.model).values()]
+        centres = geometry.compute_centre_errors(model, motions, truth.model, truth.motions)
+        metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
+        radians = geometry.compute_angle_errors(motions, truth.model, truth.motions)
     return MethodSummary(
         lengths={n: v for n, v in shape.lengths.items() if imaged is None or n in imaged},
         trials={
@@ -135,13 +146,16 @@ def _summarise_method(
     )
 
 
-def _find_imaged(images: ImageEvidence | None) -> frozenset[str]:
-    """Joint centres and lengths that images show; a leg counts where it was imaged whole."""
+def _find_imaged(model: body.BodyModel, images: ImageEvidence | None) -> frozenset[str]:
+    """Lengths that images show, and joint centres in segments that they show; each counts by itself."""
     if images is None:
         return frozenset()
-    found = {f"{what}_{s}" for s in images.sides() for what in ("hip", "knee", "ankle", "femur", "shank")}
-    found |= {f"hip_{s}" for s in "rl" if f"hip_{s}" in images.centres}
-    return frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
+    parts = find_imaged_parts(model, images)
+    hips = [f"hip_{side}" for side in "rl" if parts.pelvis is not None and f"hip_{side}" in images.centres]
+    knees, ankles = (
+        [f"{joint}_{s}" for s in found] for joint, found in (("knee", parts.thighs), ("ankle", parts.shanks))
+    )
+    return frozenset([*hips, *knees, *ankles, *find_lengths(images, model)])
 
 
 def _select_judged_trials(session: Session) -> list[str]:
@@ -150,12 +164,12 @@ def _select_judged_trials(session: Session) -> list[str]:
 
 
 def _measure_centres(
-    results: Results, imaged: frozenset[str], truth: Truth | None
-) -> dict[str, dict[str, dict[str, Vector]]]:
+    results: result.Results, imaged: frozenset[str], truth: Truth | None
+) -> dict[str, dict[str, dict[str, body.Vector]]]:
     trials = _select_judged_trials(results.session)
     if not trials:
         return {}
-    found: dict[str, dict[str, dict[str, Vector]]] = {}
+    found: dict[str, dict[str, dict[str, body.Vector]]] = {}
     models = {
         method: (scaling.calibration.model, np.concatenate([scaling.motions[t].q for t in trials]))
         for method, scaling in results.scalings.items()
@@ -170,18 +184,6 @@ def _measure_centres(
 
 
 def _express_centres(
-    models: Mapping[str, tuple[BodyModel, Array]], reference: BodyModel, q: Array
-) -> dict[str, dict[str, Vector]]:
+    models: Mapping[str, tuple[body.BodyModel, Array]], reference: body.BodyModel, q: Array
+) -> dict[str, dict[str, body.Vector]]:
     return {name: geometry.place_centres(model, own, reference, q) for name, (model, own) in models.items()}
-
-
-def _from_truth(
-    scaling: Scaling, session: Session, truth: Truth
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Distances of one method from the truth, m and rad, as ``demo`` shows them."""
-    model = scaling.calibration.model
-    motions = [scaling.motions[name] for name in _select_judged_trials(session)]
-    lengths = [abs(gap) for gap in geometry.compute_length_errors(model, truth.model).values()]
-    centres = geometry.compute_centre_errors(model, motions, truth.model, truth.motions)
-    metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
-    return metres, geometry.compute_angle_errors(motions, truth.model, truth.motions)

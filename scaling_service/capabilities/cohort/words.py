@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 
-from scaling_service.capabilities.cohort.document import (
-    CohortDocument,
-    CurveEntry,
-    QuantityEntry,
-    StatisticsDocument,
-    SubjectEntry,
-)
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.core.text import format_p
+from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Row, Table
-from scaling_service.report.words import describe_spans, spell_name
 
-TITLES: Mapping[str, str] = {
+TITLES: abc.Mapping[str, str] = {
     "kinematic_error_mm": "Kinematic error",
     "segment_lengths_mm": "Segment lengths",
     "knee_axis_deg": "Knee axes, turns from the thigh's z",
@@ -39,7 +32,7 @@ _NAMES = {
 }
 
 
-def summarise(document: CohortDocument) -> Summary:
+def summarise(document: documents.CohortDocument) -> Summary:
     """What the cohort shows, what to beware of, the methods over subjects, and how every subject ended."""
     done = any(subject.status == "done" for subject in document.subjects)
     statistics = make_screen_tables(document.statistics) if done else ()
@@ -51,11 +44,12 @@ def summarise(document: CohortDocument) -> Summary:
         cautions=[*document.notes, *document.statistics.notes],
         tables=[
             *statistics,
-            Table(
+            tables.Table(
                 caption="How every subject ended",
                 columns=["", "status", "why", "methods"],
                 rows=[
-                    Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)]) for s in document.subjects
+                    tables.Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)])
+                    for s in document.subjects
                 ],
                 words=True,
             ),
@@ -63,34 +57,45 @@ def summarise(document: CohortDocument) -> Summary:
     )
 
 
-def make_screen_tables(found: StatisticsDocument) -> Iterator[Table]:
+def make_screen_tables(found: documents.StatisticsDocument) -> abc.Iterator[tables.Table]:
     """For the terminal: all quantities in one table, OpenSim's limits, and where angles differ."""
     methods = [gate.method for gate in found.opensim_limits.methods]
-    rows: list[Row] = []
-    everything: list[QuantityEntry] = []
+    rows: list[tables.Row] = []
+    everything: list[documents.QuantityEntry] = []
     for kind, title in TITLES.items():
         if entries := getattr(found, kind):
-            rows.append(Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
+            rows.append(tables.Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
             rows += list_quantity_rows(entries, methods)
             everything += entries
     columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
-    yield Table(
+    yield tables.Table(
         caption="The methods over subjects", columns=columns, rows=rows, note=describe_comparisons(everything)
     )
-    yield _tabulate_gates(found)
+    kept = [
+        tables.Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
+        for g in found.opensim_limits.methods
+    ]
+    yield tables.Table(
+        caption="OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
+        columns=["", "subjects that keep them", "trials that keep them"],
+        rows=kept,
+        note="Necessary, not sufficient: fitted numbers absorb errors.",
+    )
     if any(curve.anova is not None for curve in found.joint_angles):
         yield tabulate_curves(found.joint_angles)
 
 
 def describe_quantity(name: str) -> str:
     """A quantity's name for people."""
-    return _NAMES.get(name, spell_name(name))
+    return _NAMES.get(name, words.spell_name(name))
 
 
-def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[Row]:
+def list_quantity_rows(
+    entries: abc.Sequence[documents.QuantityEntry], methods: abc.Sequence[str]
+) -> list[tables.Row]:
     """For each quantity: how many subjects, mean ± SD over them by each method, Friedman's p."""
     return [
-        Row(
+        tables.Row(
             describe_quantity(entry.quantity),
             [
                 str(len(entry.compared.subjects)),
@@ -102,14 +107,14 @@ def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str])
     ]
 
 
-def _spread(entry: QuantityEntry, method: str) -> str:
+def _spread(entry: documents.QuantityEntry, method: str) -> str:
     if method not in entry.mean:
         return "–"
     sd = f" ± {entry.sd[method]:.1f}" if method in entry.sd else ""
     return f"{entry.mean[method]:.1f}{sd}"
 
 
-def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
+def describe_comparisons(entries: abc.Sequence[documents.QuantityEntry]) -> str:
     """Which pairs differ, what was not tested and why, and who is not counted."""
     said, untested, excluded = [], dict[str, list[str]](), dict[str, str]()
     for entry in entries:
@@ -125,47 +130,34 @@ def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
     return " ".join(said)
 
 
-def tabulate_curves(curves: Sequence[CurveEntry]) -> Table:
+def tabulate_curves(curves: abc.Sequence[documents.CurveEntry]) -> tables.Table:
     """Where along the gait cycle methods differ, for every angle."""
     reference = next((c.reference for c in curves if c.reference is not None), None)
     pairs = f"pairs with {reference}" if reference else "pairs"
-    return Table(
+    return tables.Table(
         caption="Do the methods differ along the curve?",
         columns=["angle", "subjects", "p", "where, % of the cycle", pairs],
-        rows=[Row(spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
+        rows=[tables.Row(words.spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
         note="Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
         words=True,
     )
 
 
-def _format_curve_cells(curve: CurveEntry) -> list[str]:
+def _format_curve_cells(curve: documents.CurveEntry) -> list[str]:
     count = str(len(curve.compared.subjects))
     if curve.anova is None:
         return [count, "–", "–", curve.note]
     pairs = "; ".join(
         f"{' / '.join(pair.methods)}: "
-        + (describe_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
+        + (words.describe_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
         for pair in curve.pairs
     )
     p = format_p(curve.anova.p) if curve.anova.can_decide else "too few subjects to decide"
     said = pairs or "not asked, for the analysis of variance finds nothing"
-    return [count, p, describe_spans(curve.anova.spans), said]
+    return [count, p, words.describe_spans(curve.anova.spans), said]
 
 
-def _describe_end(subject: SubjectEntry) -> str:
+def _describe_end(subject: documents.SubjectEntry) -> str:
     left_out = "; ".join(f"no {method}: {why}" for method, why in subject.left_out.items())
     kept = "kept from an earlier run" if subject.kept else ""
     return "; ".join(text for text in (subject.reason, left_out, kept) if text)
-
-
-def _tabulate_gates(found: StatisticsDocument) -> Table:
-    rows = [
-        Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
-        for g in found.opensim_limits.methods
-    ]
-    return Table(
-        caption="OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
-        columns=["", "subjects that keep them", "trials that keep them"],
-        rows=rows,
-        note="Necessary, not sufficient: fitted numbers absorb errors.",
-    )

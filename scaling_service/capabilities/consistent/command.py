@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.shared import flags, screen
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 
 COMMANDS = ("consistent",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.consistent.document import ConsistentDocument
+    from scaling_service.capabilities.consistent.result import ConsistentDocument
 
 
 @flags.with_flags
@@ -20,7 +20,7 @@ def consistent(
     subject: flags.SubjectFile,
     out: flags.Out,
     chosen: ForceSettings,
-    settings: Annotated[Settings, flags.Only("up", "forward")] = UNSMOOTHED,
+    settings: Annotated[shared_settings.Settings, flags.Only("up", "forward")] = shared_settings.UNSMOOTHED,
     tables: flags.Tables = "",
     report: flags.Report = True,
 ) -> None:

@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent import geometric
-from scaling_service.capabilities.consistent.motion import ConsistentMotion, solve_consistent_motion
-from scaling_service.capabilities.consistent.problem import ConsistentSettings, Objectives, State
-from scaling_service.capabilities.consistent.recording import (
-    SPATIAL,
-    ConsistentRecording,
-    count_repeats,
-    estimate_classical_motion,
-    expect_artefacts,
-    find_inertial_freedom,
-    gather_limits,
-    pose_problem,
-)
+from scaling_service.capabilities.consistent import geometric, motion
+from scaling_service.capabilities.consistent import problem as problems
+from scaling_service.capabilities.consistent import recording as consistent_recording
+from scaling_service.capabilities.dynamics.inertia import identification as identifications
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
-from scaling_service.capabilities.dynamics.inertia.identification import (
-    IdentificationSettings,
-    identify_inertia,
-)
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, compute_dynamics
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
+from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import gather_inertias, with_inertias
 
-Progress = Callable[[str], None]
+Progress = abc.Callable[[str], None]
 
-FREE_MASS = IdentificationSettings(mass_known=False)
+FREE_MASS = identifications.IdentificationSettings(mass_known=False)
 """The plates tell the mass."""
 
 
@@ -43,10 +30,10 @@ FREE_MASS = IdentificationSettings(mass_known=False)
 class TrackedRecording:
     """One recording tracked by one model."""
 
-    rated: RatedMotion
+    rated: inverse_dynamics.RatedMotion
     marker_rms_m: float  # root mean square distance of measured and model markers
     wrench_rmse: Array  # (6,), N and N m: of measured minus model, over frames with known forces
-    gaps: Objectives
+    gaps: problems.Objectives
     weight: float = float("nan")  # of the wrench in the balance; NaN where markers alone were tracked
 
 
@@ -64,7 +51,7 @@ class ConsistentResult:
     # the classical two steps with the model found: forces played no part in these motions
     predicted: tuple[TrackedRecording, ...]
     inertial: InertialIdentification  # the last one
-    factors: Mapping[str, float]  # segment to its length over that of the start
+    factors: abc.Mapping[str, float]  # segment to its length over that of the start
     outer_iterations: int
     converged: bool
     # marker RMS (m) and wrench RMSE (6,) over the fitted recordings after every loop
@@ -78,10 +65,10 @@ class ConsistentResult:
 
 def estimate_consistent(
     model: BodyModel,
-    fitted: Sequence[ConsistentRecording],
-    held_out: Sequence[ConsistentRecording] = (),
-    settings: ConsistentSettings = ConsistentSettings(),
-    identification: IdentificationSettings = FREE_MASS,
+    fitted: abc.Sequence[consistent_recording.ConsistentRecording],
+    held_out: abc.Sequence[consistent_recording.ConsistentRecording] = (),
+    settings: problems.ConsistentSettings = problems.ConsistentSettings(),
+    identification: identifications.IdentificationSettings = FREE_MASS,
     *,
     progress: Progress | None = None,
 ) -> ConsistentResult:
@@ -96,43 +83,69 @@ def estimate_consistent(
     """
     say = progress or show_nothing
     recordings = (*fitted, *held_out)
-    rated = [estimate_classical_motion(model, r, settings) for r in recordings]
+    rated = [consistent_recording.estimate_classical_motion(model, r, settings) for r in recordings]
     classical = tuple(
         _measure_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True)
     )
     now, factors = model, dict[str, float]()
     history: list[tuple[float, Array]] = []
-    moved: list[ConsistentMotion] = []
+    moved: list[motion.ConsistentMotion] = []
     converged = False
     while not converged and len(history) < settings.most_loops:
         loop = f"loop {len(history) + 1}"
         say(f"{loop}: motion")
-        table = with_inertias(now, gather_inertias(model))
-        freedom = find_inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
-        earlier: list[ConsistentMotion | None] = [*moved] or [None] * len(fitted)
+        table = inertia.with_inertias(now, inertia.gather_inertias(model))
+        freedom = consistent_recording.find_inertial_freedom(
+            table, fitted, rated[: len(fitted)], settings, identification
+        )
+        earlier: list[motion.ConsistentMotion | None] = [*moved] or [None] * len(fitted)
         moved = [
             _balance(table, r, m, settings, freedom, b)
             for r, m, b in zip(fitted, rated, earlier, strict=False)
         ]
         rated[: len(fitted)] = [m.rated for m in moved]
         say(f"{loop}: geometry")
-        found = _refit_geometry(model, fitted, moved, settings)
+        # From the start each time, so that bounds and prior stay about it; the artefact found is taken
+        # off.
+        names = fitted[0].motion.markers
+        recorded = [
+            geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
+            for r, m in zip(fitted, moved, strict=True)
+        ]
+        found = geometric.identify_geometry(
+            model,
+            names,
+            recorded,
+            consistent_recording.expect_artefacts(model),
+            bound=settings.geometry_bound,
+            axes="xyz" if fitted[0].components == consistent_recording.SPATIAL else "xy",
+            prior=settings.geometry_prior,
+            independent=sum(
+                len(r.trial.times) / consistent_recording.count_repeats(r, settings) for r in fitted
+            ),
+        )
         factors = dict(found.factors)
         say(f"{loop}: inertia")
-        prior = with_inertias(found.model, gather_inertias(model))
+        prior = inertia.with_inertias(found.model, inertia.gather_inertias(model))
         forces = [
-            ForceRecording(compute_dynamics(prior, m, r.loads, trial=r.name), r.supported)
+            ForceRecording(inverse_dynamics.compute_dynamics(prior, m, r.loads, trial=r.name), r.supported)
             for r, m in zip(fitted, rated, strict=False)
         ]
-        inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
+        inertial = identifications.identify_inertia(
+            prior, forces, supported=fitted[0].components, settings=identification
+        )
         now = inertial.model
         tracked = [_measure_errors(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]
         # RMS errors of markers and wrench over recordings, each counting alike
         markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
         history.append((float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))))
-        converged = len(history) > 1 and _has_settled(history[-2], history[-1], settings)
+        if len(history) > 1:
+            resolution = np.array([settings.force_resolution_n] * 3 + [settings.moment_resolution_nm] * 3)
+            (markers_before, wrench_before), (markers_now, wrench_now) = history[-2:]
+            settled = abs(markers_now - markers_before) < settings.marker_resolution_m
+            converged = bool(settled and (np.abs(wrench_now - wrench_before) < resolution).all())
     say("following the recordings with the model found")
-    known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
+    known: list[motion.ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_balance(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
     return ConsistentResult(
         start=model,
@@ -153,75 +166,56 @@ def estimate_consistent(
 
 def _balance(
     model: BodyModel,
-    recording: ConsistentRecording,
-    rated: RatedMotion,
-    settings: ConsistentSettings,
+    recording: consistent_recording.ConsistentRecording,
+    rated: inverse_dynamics.RatedMotion,
+    settings: problems.ConsistentSettings,
     freedom: Array | None,
-    before: ConsistentMotion | None,
-) -> ConsistentMotion:
+    before: motion.ConsistentMotion | None,
+) -> motion.ConsistentMotion:
     """The motion balanced anew; the artefact found before is where its search begins."""
-    problem = pose_problem(model, recording, rated, settings, freedom)
+    problem = consistent_recording.pose_problem(model, recording, rated, settings, freedom)
     shared, count = np.zeros(problem.n_shared), problem.shifts.count
     if before is not None:
         shared[:count] = before.state.shared[:count]
-    start = State(problem.basis.fit(rated.q[:, problem.free]), shared)
-    return solve_consistent_motion(
-        problem, start, gather_limits(model, problem), 1.0 if before is None else before.weight
-    )
-
-
-def _refit_geometry(
-    start: BodyModel,
-    fitted: Sequence[ConsistentRecording],
-    moved: Sequence[ConsistentMotion],
-    settings: ConsistentSettings,
-) -> geometric.GeometricIdentification:
-    """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
-    names = fitted[0].motion.markers
-    known = [
-        geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
-        for r, m in zip(fitted, moved, strict=True)
-    ]
-    return geometric.identify_geometry(
+    start = problems.State(problem.basis.fit(rated.q[:, problem.free]), shared)
+    return motion.solve_consistent_motion(
+        problem,
         start,
-        names,
-        known,
-        expect_artefacts(start),
-        bound=settings.geometry_bound,
-        axes="xyz" if fitted[0].components == SPATIAL else "xy",
-        prior=settings.geometry_prior,
-        independent=sum(len(r.trial.times) / count_repeats(r, settings) for r in fitted),
+        consistent_recording.gather_limits(model, problem),
+        1.0 if before is None else before.weight,
     )
 
 
 def _measure_unchanged(
-    model: BodyModel, recording: ConsistentRecording, rated: RatedMotion, settings: ConsistentSettings
+    model: BodyModel,
+    recording: consistent_recording.ConsistentRecording,
+    rated: inverse_dynamics.RatedMotion,
+    settings: problems.ConsistentSettings,
 ) -> TrackedRecording:
     """How far a motion is from what was measured, without changing it."""
-    problem = pose_problem(model, recording, rated, settings)
+    problem = consistent_recording.pose_problem(model, recording, rated, settings)
     return _measure_errors(recording, rated, problem.objectives_of(rated.rates))
 
 
 def _predict(
-    model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
+    model: BodyModel,
+    recording: consistent_recording.ConsistentRecording,
+    settings: problems.ConsistentSettings,
 ) -> TrackedRecording:
     """The classical two steps anew."""
     again = replace(recording, motion=inverse_kinematics(model, recording.trial))
-    return _measure_unchanged(model, again, estimate_classical_motion(model, again, settings), settings)
+    return _measure_unchanged(
+        model, again, consistent_recording.estimate_classical_motion(model, again, settings), settings
+    )
 
 
 def _measure_errors(
-    recording: ConsistentRecording, rated: RatedMotion, gaps: Objectives, weight: float = float("nan")
+    recording: consistent_recording.ConsistentRecording,
+    rated: inverse_dynamics.RatedMotion,
+    gaps: problems.Objectives,
+    weight: float = float("nan"),
 ) -> TrackedRecording:
     seen = np.isfinite(recording.trial.select(recording.motion.markers).markers).all(axis=2)
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
     wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
     return TrackedRecording(rated=rated, marker_rms_m=marker, wrench_rmse=wrench, gaps=gaps, weight=weight)
-
-
-def _has_settled(
-    before: tuple[float, Array], after: tuple[float, Array], settings: ConsistentSettings
-) -> bool:
-    resolution = np.array([settings.force_resolution_n] * 3 + [settings.moment_resolution_nm] * 3)
-    markers = abs(after[0] - before[0]) < settings.marker_resolution_m
-    return bool(markers and (np.abs(after[1] - before[1]) < resolution).all())

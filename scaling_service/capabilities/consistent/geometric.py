@@ -5,18 +5,18 @@ With the joint angles known, markers are linear in lengths and local coordinates
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.model import compile as compiling
 from scaling_service.model import parameters
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.numerics.least_squares.border import minimise_within
-from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
+from scaling_service.numerics.multibody import tree as trees
 
 FRAMES = 200
 """Frames used of each recording, evenly spaced (chosen: neighbours say the same)."""
@@ -40,7 +40,7 @@ class GeometricIdentification:
     """A model with other lengths and marker coordinates."""
 
     model: BodyModel
-    factors: Mapping[str, float]  # segment to its length over that of the start
+    factors: abc.Mapping[str, float]  # segment to its length over that of the start
     at_bound: tuple[str, ...]  # parameters that ended on a bound
 
 
@@ -64,8 +64,8 @@ class GeometryPrior:
 def identify_geometry(
     model: BodyModel,
     markers: tuple[str, ...],
-    fitted: Sequence[KnownMotion],
-    expected_m: Mapping[str, float],
+    fitted: abc.Sequence[KnownMotion],
+    expected_m: abc.Mapping[str, float],
     *,
     bound: float,
     axes: str = "xyz",
@@ -81,17 +81,43 @@ def identify_geometry(
     """
     # Every length that moves a marker, and the coordinates of the markers, as parameters.
     free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
-    for segment in _find_sized_segments(model, markers):
+    # Segments whose size carries other segments with markers
+    carrying = {model.marker(name).segment for name in markers}
+    for part in reversed(model.segments):
+        if part.name in carrying:
+            carrying.add(part.parent)
+    sized = {
+        joint.scales_with
+        for part, joint in model.joints()
+        if part.name in carrying and joint.scales_with is not None and joint.law.terms
+    }
+    for segment in [s.name for s in model.segments if s.name in sized]:
         free = parameters.free_scale(free, segment, bound)
     for name in markers:
         reach = bound * float(np.linalg.norm(model.marker(name).nominal))
         if reach > 0.0:
             free = parameters.free_marker(free, name, axes, reach)
     freed = free
-    start = list_parameter_values(freed)
+    start = compiling.list_parameter_values(freed)
     lower = np.array([p.lower for p in freed.parameters])
     upper = np.array([p.upper for p in freed.parameters])
-    normal, slope = _form_normal_equations(freed, markers, fitted, expected_m, start)
+    # Mean over frames of the regressor's normal equations, weighted by the markers' expected errors
+    tree = compiling.compile_model(freed, markers)
+    columns = len(freed.coordinates) + np.arange(len(start))
+    weights = np.array([1.0 / expected_m[name] ** 2 for name in markers])
+    normal_equations, slope_equations, frames = np.zeros((len(start), len(start))), np.zeros(len(start)), 0
+    for known in fitted:
+        rows = np.unique(np.linspace(0, len(known.q) - 1, FRAMES).astype(int))
+        poses = trees.pose_links(tree, np.ascontiguousarray(known.q[rows].T), start)
+        placed = trees.place_tree_markers(tree, poses)
+        gap = np.moveaxis(known.measured[rows], 0, -1) - placed
+        seen = np.isfinite(gap)
+        heavy = np.where(seen, weights[:, None, None], 0.0).ravel()
+        regressor = trees.compute_jacobian(tree, poses, placed, columns).reshape(len(start), -1)
+        normal_equations += (regressor * heavy) @ regressor.T
+        slope_equations += regressor @ (heavy * np.where(seen, gap, 0.0).ravel())
+        frames += len(rows)
+    normal, slope = normal_equations / frames, slope_equations / frames
     if not normal.any():
         raise TrialUnusable(
             "no marker is seen in any frame", file=fitted[0].name, field="markers", remedy="Record them again"
@@ -104,57 +130,12 @@ def identify_geometry(
     values, vectors = np.linalg.eigh(normal)
     values = np.maximum(values, 1e-15 * values[-1])
     step = minimise_within(values, vectors, vectors.T @ slope, lower - start, upper - start)
-    return _fold_in(model, freed, start + step, lower, upper)
-
-
-def _find_sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
-    """Segments whose size carries other segments with markers."""
-    carrying = {model.marker(name).segment for name in markers}
-    for segment in reversed(model.segments):
-        if segment.name in carrying:
-            carrying.add(segment.parent)
-    sized = {
-        joint.scales_with
-        for segment, joint in model.joints()
-        if segment.name in carrying and joint.scales_with is not None and joint.law.terms
-    }
-    return [s.name for s in model.segments if s.name in sized]
-
-
-def _form_normal_equations(
-    freed: BodyModel,
-    markers: tuple[str, ...],
-    fitted: Sequence[KnownMotion],
-    expected_m: Mapping[str, float],
-    p: Array,
-) -> tuple[Array, Array]:
-    """Mean over frames of the regressor's normal equations, weighted by the markers' expected errors."""
-    tree = compile_model(freed, markers)
-    columns = len(freed.coordinates) + np.arange(len(p))
-    weights = np.array([1.0 / expected_m[name] ** 2 for name in markers])
-    normal, slope, frames = np.zeros((len(p), len(p))), np.zeros(len(p)), 0
-    for known in fitted:
-        rows = np.unique(np.linspace(0, len(known.q) - 1, FRAMES).astype(int))
-        poses = pose_links(tree, np.ascontiguousarray(known.q[rows].T), p)
-        placed = place_tree_markers(tree, poses)
-        gap = np.moveaxis(known.measured[rows], 0, -1) - placed
-        seen = np.isfinite(gap)
-        heavy = np.where(seen, weights[:, None, None], 0.0).ravel()
-        regressor = compute_jacobian(tree, poses, placed, columns).reshape(len(p), -1)
-        normal += (regressor * heavy) @ regressor.T
-        slope += regressor @ (heavy * np.where(seen, gap, 0.0).ravel())
-        frames += len(rows)
-    return normal / frames, slope / frames
-
-
-def _fold_in(
-    model: BodyModel, freed: BodyModel, values: Array, lower: Array, upper: Array
-) -> GeometricIdentification:
-    found = dict(zip((p.name for p in freed.parameters), values.tolist(), strict=True))
+    after = start + step
+    found = dict(zip((p.name for p in freed.parameters), after.tolist(), strict=True))
     folded = parameters.fold(freed, found)
     sizes = {m.name: m.follows_size for m in model.markers}
     changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
-    on_bound = (values <= lower + 1e-9) | (values >= upper - 1e-9)
+    on_bound = (after <= lower + 1e-9) | (after >= upper - 1e-9)
     return GeometricIdentification(
         changed,
         {p.target: found[p.name] for p in freed.parameters if p.group == "length"},

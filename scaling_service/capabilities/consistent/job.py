@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.consistent.document import ConsistentDocument
+from scaling_service.capabilities.consistent.result import ConsistentDocument
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.shared.job import Kind, OfForces
+from scaling_service.capabilities.shared import job
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import DOCUMENT
 
 
-class ConsistentRequest(OfForces, ForceSettings):
+class ConsistentRequest(job.OfForces, ForceSettings):
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
     The planar squat_4dof is scaled by its standing.
@@ -25,17 +25,26 @@ def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Prog
     Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
     """
     from scaling_service.capabilities.consistent.run import consistent
-    from scaling_service.capabilities.consistent.saving import save_consistent, write_wrenches
+    from scaling_service.capabilities.consistent.saving import (
+        save_consistent,
+        tabulate_consistent,
+        write_wrenches,
+    )
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     chosen = request.part(ForceSettings)
     results = consistent(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
     document = save_consistent(results, outputs)
     write_wrenches(results, outputs)
+    write_tables(tabulate_consistent(results, document), document)
     return document.model_dump(mode="json")
 
 
-KINDS = {
-    "consistent": Kind(
-        request=ConsistentRequest, work=work, route="consistent-motions", result=ConsistentDocument
-    ),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "consistent": job.Kind(
+            request=ConsistentRequest, work=work, route="consistent-motions", result=ConsistentDocument
+        ),
+    }

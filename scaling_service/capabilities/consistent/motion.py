@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
+from scaling_service.capabilities.consistent import problem as problems
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.signals import splines
@@ -44,8 +44,8 @@ class ConsistentMotion:
     """A motion and how it was balanced."""
 
     rated: RatedMotion  # velocities and accelerations are exact derivatives of the angles
-    state: State  # coefficients of the splines of the free coordinates, and the shared numbers
-    objectives: Objectives
+    state: problems.State  # coefficients of the splines of the free coordinates, and the shared numbers
+    objectives: problems.Objectives
     # (n, n_markers, 3), m: how far markers glide on their segments, in ground axes: the artefact that follows
     # the joints
     glide: Array
@@ -55,7 +55,10 @@ class ConsistentMotion:
 
 
 def solve_consistent_motion(
-    problem: ConsistentProblem, start: State, bounds: tuple[Array, Array], weight: float = 1.0
+    problem: problems.ConsistentProblem,
+    start: problems.State,
+    bounds: tuple[Array, Array],
+    weight: float = 1.0,
 ) -> ConsistentMotion:
     """Balance markers against ground wrench (Futamure et al., eq. 6).
 
@@ -63,7 +66,7 @@ def solve_consistent_motion(
     Gauss-Newton on both objectives. At every step the weight is sought at which both, in units of what is
     expected of them, are equal: goal attainment with the goal zero, as in the paper.
     """
-    at = State(np.clip(start.coefficients, *bounds), start.shared)
+    at = problems.State(np.clip(start.coefficients, *bounds), start.shared)
     now, converged, steps = problem.objectives(at), False, 0
     while not converged and steps < STEPS:
         steps += 1
@@ -86,13 +89,17 @@ def solve_consistent_motion(
 
 
 def _descend(
-    problem: ConsistentProblem, at: State, now: Objectives, step: splines.Step, weight: float
-) -> tuple[Objectives, State]:
+    problem: problems.ConsistentProblem,
+    at: problems.State,
+    now: problems.Objectives,
+    step: splines.Step,
+    weight: float,
+) -> tuple[problems.Objectives, problems.State]:
     """The step, halved until the weighted sum falls; where it never does, no step."""
     before = now.markers + weight * now.wrench
     for halving in range(HALVINGS):
         share = 0.5**halving
-        moved = State(at.coefficients + share * step.coefficients, at.shared + share * step.shared)
+        moved = problems.State(at.coefficients + share * step.coefficients, at.shared + share * step.shared)
         after = problem.objectives(moved)
         if after.markers + weight * after.wrench < before:
             return after, moved

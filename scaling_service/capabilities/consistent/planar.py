@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
+from scaling_service.capabilities.consistent import recording
+from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.dynamics.start import Prepared, with_inertia
 from scaling_service.capabilities.kinetics.forces import gather_movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blame_file
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model import body
-from scaling_service.model.anatomy.markers import PLANAR_SOURCES, find_canonical
+from scaling_service.model.anatomy import markers
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.recording.plates import orient_forces, synchronise
+from scaling_service.recording import plates
 
 STANDING = "standing"
 """How the planar model is scaled: by the standing at the beginning (Futamure et al., section II.C.2)."""
@@ -52,7 +52,7 @@ class SagittalPlane:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
+def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = markers.PLANAR_SOURCES) -> Trial:
     """The planar model's markers as means of left and right, of a body in space or of the planar markers.
 
     NaN where a source is not seen. Markers without any source are left out.
@@ -64,7 +64,7 @@ def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURC
             found[name] = np.mean([trial.position(s) for s in shown], axis=0)
     missing = [name for name in NEEDED if name not in found]
     if missing:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"the planar squat needs marker '{missing[0]}', the mean of {' and '.join(names[missing[0]])}",
             file=trial.name,
             field=missing[0],
@@ -118,10 +118,19 @@ def scale_squat(generic: body.BodyModel, trial: Trial) -> body.BodyModel:
         / _measure_length(own["SHO"] - _find_pelvis_middle(own)),
     }
     trunk = [m.name for m in generic.markers if m.segment == "torso" and m.name in seen]
-    turn, hip = _fit_in_plane(
-        size["torso"] * np.array([own[n] for n in trunk]), np.array([seen[n] for n in trunk])
-    )
-    reach = {s.name: _find_joint_place(generic, s.name) for s in generic.segments}
+    # Turn and shift that bring points onto others best, in the plane
+    local = size["torso"] * np.array([own[n] for n in trunk])
+    there = np.array([seen[n] for n in trunk])
+    a, b = local - local.mean(axis=0), there - there.mean(axis=0)
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    flat = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn, hip = flat, there.mean(axis=0) - flat @ local.mean(axis=0)
+    reach = {}
+    for s in generic.segments:
+        # Where a segment's joint sits in its parent, (2,), m
+        shifts = [j for j in generic.segment(s.name).joints if j.kind == "translation"]
+        total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
+        reach[s.name] = total[:2]
     size["thigh"] = _measure_length(hip - seen["KNE"]) / _measure_length(reach["torso"])
     shoulder = hip + size["torso"] * turn @ reach["arm"]
     frames = {
@@ -144,7 +153,7 @@ def _average_standing_place(trial: Trial, name: str) -> Array:
     values = trial.position(name)[rows]
     values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"marker '{name}' is not seen in the first {STANDING_S:g} s, where the person stands",
             file=trial.name,
             field=name,
@@ -161,25 +170,10 @@ def _measure_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
 
 
-def _find_joint_place(model: body.BodyModel, segment: str) -> Array:
-    """Where a segment's joint sits in its parent, (2,), m."""
-    shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
-    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
-    return total[:2]
-
-
 def _turn_onto(axis: Array) -> Array:
     """The turn that brings y onto an axis, (2, 2)."""
     x, y = axis / _measure_length(axis)
     return np.array([[y, x], [-x, y]])
-
-
-def _fit_in_plane(local: Array, seen: Array) -> tuple[Array, Array]:
-    """Turn and shift that bring points onto others best, in the plane."""
-    a, b = local - local.mean(axis=0), seen - seen.mean(axis=0)
-    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return turn, seen.mean(axis=0) - turn @ local.mean(axis=0)
 
 
 def _place(
@@ -191,10 +185,12 @@ def _place(
     return replace(placed, anatomical=marker.anatomical)
 
 
-def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict[str, ConsistentRecording]]:
+def prepare_squat(
+    loaded: Loaded, chosen: ForceSettings
+) -> tuple[start.Prepared, dict[str, recording.ConsistentRecording]]:
     """Project a subject's squats, scale the planar model, and follow the markers."""
     if chosen.start not in (None, AS_IT_IS):
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             f"the planar squat is scaled by the standing at its beginning, not by {chosen.start}",
             field="--start",
             remedy="Leave it out",
@@ -205,29 +201,41 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
     for path, (source, raw) in gather_movement_forces(subject, loaded.plates).items():
         with blame_file(path, [path]):
-            trial = join_sides(_rename_labels(trials[path.stem]))
+            # Labels of a body in space under the built-in models' names; those of the planar model stay.
+            whole = trials[path.stem]
+            wanted = {source for sources in markers.PLANAR_SOURCES.values() for source in sources}
+            taken = set(whole.labels)
+            names: dict[str, str] = {}
+            for label in whole.labels:
+                known = markers.find_canonical(label)
+                if known in wanted and known not in taken and label not in markers.PLANAR_SOURCES:
+                    names[label] = known
+                    taken.add(known)
+            trial = join_sides(whole.relabel(names))
             plane = find_sagittal_plane(trial)
         with blame_file(source, [source]):
-            forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)
+            forces = plates.synchronise(
+                plates.orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz
+            )
         # all plates together; unknown where one of them is not known
         loads = SegmentLoads(forces.times, forces.plates, forces.force, forces.moment)
         planar[path.stem] = (in_plane(trial, plane), project_loads(loads, plane))
     standing, _ = next(iter(planar.values()))
     model = loaded.session.model if chosen.start == AS_IT_IS else scale_squat(loaded.session.model, standing)
-    massive = with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
+    massive = start.with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
     motions = {name: inverse_kinematics(massive.model, trial) for name, (trial, _) in planar.items()}
     recordings = {
-        name: ConsistentRecording(
+        name: recording.ConsistentRecording(
             trial=trial,
             motion=motions[name],
             loads=loads,
             supported=np.asarray(np.isfinite(loads.total).all(axis=1)),
             about=np.zeros((len(trial.times), 3)),
-            components=SAGITTAL,
+            components=recording.SAGITTAL,
         )
         for name, (trial, loads) in planar.items()
     }
-    prepared = Prepared(
+    prepared = start.Prepared(
         loaded=loaded,
         start=chosen.start or STANDING,
         inertia=massive.inertia,
@@ -238,16 +246,3 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
         warnings=(*loaded.session.warnings, *massive.notes),
     )
     return prepared, recordings
-
-
-def _rename_labels(trial: Trial) -> Trial:
-    """Labels of a body in space under the built-in models' names; those of the planar model stay."""
-    wanted = {source for sources in PLANAR_SOURCES.values() for source in sources}
-    taken = set(trial.labels)
-    names: dict[str, str] = {}
-    for label in trial.labels:
-        known = find_canonical(label)
-        if known in wanted and known not in taken and label not in PLANAR_SOURCES:
-            names[label] = known
-            taken.add(known)
-    return trial.relabel(names)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.geometric import GeometryPrior
 from scaling_service.core.arrays import Array
+from scaling_service.numerics import wrench as numerics_wrench
 from scaling_service.numerics.multibody import marker_rates
 from scaling_service.numerics.multibody.motion import (
     N_PARAMETERS,
@@ -27,13 +28,6 @@ from scaling_service.numerics.multibody.motion import (
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals import splines
-from scaling_service.numerics.wrench import (
-    compute_regressor_blocks,
-    differentiate_wrench,
-    link_wrenches,
-    move_moment,
-    split_blocks,
-)
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 SPREAD = GeometryPrior(0.05, 0.009)
@@ -155,14 +149,14 @@ class ConsistentProblem:
         n, x = len(self.basis.times), np.zeros(self.n_shared) if shared is None else shared
         mechanism = self.move_mechanism(x)
         gaps, wrench_gaps, total = np.empty((n, self.tree.n_markers, 3)), np.empty((n, 6)), 0.0
-        for rows in split_blocks(n, BLOCK):
+        for rows in numerics_wrench.split_blocks(n, BLOCK):
             state = move_links(mechanism, motion.block(rows), self.p)
             _, moved, _, targets = self._marker_block(state, x, rows)
             _, squares = marker_rates.compute_marker_misfit(moved, targets)
             rigid = marker_rates.compute_marker_motion(self.tree, self.p, state)
             gaps[rows] = np.where(targets.weights[0, ..., None] > 0, targets.values[0] - rigid[0], 0.0)
             total += float(squares.sum())
-            wrench = link_wrenches(mechanism, state).sum(axis=0)
+            wrench = numerics_wrench.link_wrenches(mechanism, state).sum(axis=0)
             wrench_gaps[rows] = self.wrench.values[rows] - self._about(wrench, rows).T
         known = total + self.prior * float(x @ x)
         return Objectives(known, float((self.wrench.weights * wrench_gaps**2).sum()), gaps, wrench_gaps)
@@ -172,7 +166,7 @@ class ConsistentProblem:
         motion, n = self.motion(state.coefficients), len(self.basis.times)
         x = np.where(self.shifts.signal == CONSTANT, 0.0, state.shared[: self.shifts.count])
         result = np.empty((n, self.tree.n_markers, 3))
-        for rows in split_blocks(n, BLOCK):
+        for rows in numerics_wrench.split_blocks(n, BLOCK):
             moved = move_links(self.mechanism, motion.block(rows), self.p)
             shifts = self.shifts.rows(rows)
             result[rows] = shifts.move(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
@@ -183,7 +177,7 @@ class ConsistentProblem:
         motion, m, k = self.motion(at.coefficients), len(self.free), self.n_shared
         mechanism, glide = self.move_mechanism(at.shared), slice(0, self.shifts.count)
         markers, wrenches = (_Sum.empty(self.basis, m, k) for _ in range(2))
-        for rows in split_blocks(len(self.basis.times), BLOCK):
+        for rows in numerics_wrench.split_blocks(len(self.basis.times), BLOCK):
             screws = list_screws(mechanism, motion.block(rows), self.p, self.free)
             shifts, moved, columns, targets = self._marker_block(screws.state, at.shared, rows)
             gap, squares = marker_rates.compute_marker_misfit(moved, targets)
@@ -218,7 +212,7 @@ class ConsistentProblem:
     def _add_wrench(
         self, total: _Sum, mechanism: Mechanism, screws: Screws, motion: Rates, rows: slice, m: int
     ) -> None:
-        rates = differentiate_wrench(mechanism, screws, m)
+        rates = numerics_wrench.differentiate_wrench(mechanism, screws, m)
         by = self._moments_about(rates.by.reshape(-1, 6, 3 * m), rows, np.zeros((3, motion.n)))
         gap = self.wrench.values[rows] - self._about(rates.wrench, rows).T
         heavy = self.wrench.weights[rows]
@@ -227,7 +221,7 @@ class ConsistentProblem:
         gradient = -(weighed @ gap[..., None]).reshape(-1, 3, m)
         total.add(rows, float((heavy * gap**2).sum()), gradient, curvature)
         if self.inertia.shape[1]:
-            (block,) = compute_regressor_blocks(mechanism, motion, self.p, size=BLOCK)
+            (block,) = numerics_wrench.compute_regressor_blocks(mechanism, motion, self.p, size=BLOCK)
             root = screws.state.poses.origins[0]
             columns = self._moments_about(block.ground @ self.inertia, rows, root)
             total.add_shared(
@@ -246,7 +240,7 @@ class ConsistentProblem:
         return result
 
     def _about(self, wrench: Array, rows: slice) -> Array:
-        return move_moment(wrench, self.wrench.about[rows].T)
+        return numerics_wrench.move_moment(wrench, self.wrench.about[rows].T)
 
 
 @dataclass(slots=True, eq=False)

@@ -7,40 +7,31 @@ estimated with the motion, with the artefact that literature expects as its prio
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.consistent.problem import (
-    ConsistentProblem,
-    ConsistentSettings,
-    WrenchTargets,
-)
-from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
+from scaling_service.capabilities.consistent import problem as problems
+from scaling_service.capabilities.dynamics.inertia import identification as identifications
 from scaling_service.capabilities.dynamics.inertia.parameters import make_inertial_prior
 from scaling_service.capabilities.dynamics.uncertainty.reference import make_trees
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import body, inertia
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.compile import (
-    free_coordinates,
-    list_coordinate_bounds,
-    list_parameter_values,
-    repeat_default_pose,
-)
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
-from scaling_service.numerics.multibody.motion import N_PARAMETERS, Mechanism
+from scaling_service.numerics import wrench as wrenches
+from scaling_service.numerics.multibody import marker_rates
+from scaling_service.numerics.multibody import motion as motions
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
-from scaling_service.numerics.wrench import GRAVITY, compute_regressor_blocks
 
-ARTEFACT_M: Mapping[str, float] = {
+ARTEFACT_M: abc.Mapping[str, float] = {
     "toe": 0.001,
     "ankle": 0.010,
     "shank": 0.015,
@@ -52,7 +43,7 @@ ARTEFACT_M: Mapping[str, float] = {
 }
 """Futamure et al., table 1, m."""
 
-_OF_MARKERS: Mapping[str, str] = {
+_OF_MARKERS: abc.Mapping[str, str] = {
     name: row
     for row, names in {
         "toe": "TOE",
@@ -66,7 +57,7 @@ _OF_MARKERS: Mapping[str, str] = {
 }
 """Rows for markers by name. C7 and CLAV are not in the table: chosen as the nearest site."""
 
-_OF_SEGMENTS: Mapping[str, tuple[str, ...]] = {
+_OF_SEGMENTS: abc.Mapping[str, tuple[str, ...]] = {
     "pelvis": ("pelvis",),
     "knee": ("femur", "thigh"),
     "shank": ("tibia", "shank"),
@@ -109,11 +100,11 @@ def make_artefact_shifts(
     names: tuple[str, ...],
     q: Array,
     basis: SplineBasis,
-    expected_m: Mapping[str, float],
+    expected_m: abc.Mapping[str, float],
     *,
     axes: tuple[int, ...],
     placed_m: float,
-) -> MarkerShifts:
+) -> marker_rates.MarkerShifts:
     """Shared shifts of all markers: one that follows the joints at the segment's ends, and a constant one.
 
     The motion ``q`` (n, n_coordinates), as far as it is known, drives the skin along the local ``axes``.
@@ -132,7 +123,7 @@ def make_artefact_shifts(
     signals = np.stack(basis.evaluate(basis.fit(columns)))
     table = np.array(rows, dtype=float).reshape(-1, 4)
     marker, axis, which = (table[:, i].astype(np.intp) for i in range(3))
-    return MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
+    return marker_rates.MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
 
 
 def _find_driver(model: body.BodyModel, segment: body.Segment, q: Array) -> Array | None:
@@ -207,29 +198,29 @@ class ConsistentRecording:
 
 
 def estimate_classical_motion(
-    model: body.BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
-) -> RatedMotion:
+    model: body.BodyModel, recording: ConsistentRecording, settings: problems.ConsistentSettings
+) -> inverse_dynamics.RatedMotion:
     """The motion of the classical two steps: inverse kinematics, then filter and derivatives.
 
     Gaps of a coordinate are bridged by straight lines, one that is never known stands at its default.
     """
     motion = recording.motion
-    q = repeat_default_pose(model, len(motion.times))
+    q = compiling.repeat_default_pose(model, len(motion.times))
     for column, name in enumerate(model.coordinate_names):
         values = motion.q[:, motion.coordinates.index(name)]
         known = np.isfinite(values)
         if known.any():
             q[:, column] = np.interp(motion.times, motion.times[known], values[known])
-    return differentiate_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
+    return inverse_dynamics.differentiate_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
 
 
 def pose_problem(
     model: body.BodyModel,
     recording: ConsistentRecording,
-    rated: RatedMotion,
-    settings: ConsistentSettings,
+    rated: inverse_dynamics.RatedMotion,
+    settings: problems.ConsistentSettings,
     freedom: Array | None = None,
-) -> ConsistentProblem:
+) -> problems.ConsistentProblem:
     """Pose the two objectives for a recording.
 
     Coordinates that no marker shows stay as the ``rated`` motion has them, and it drives the skin.
@@ -245,13 +236,27 @@ def pose_problem(
     names = recording.motion.markers
     whole, alone = make_trees(model, names, model.segments)
     shown = set(recording.motion.estimated)
-    open_ = free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
+    open_ = compiling.free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
-    targets, count = _make_marker_targets(recording, basis, settings)
-    return ConsistentProblem(
-        mechanism=Mechanism(whole, inertia.gather_inertias(model)),
+    # Positions as measured, rates of splines through them, and how many errors are new. Velocities and
+    # accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
+    labels = recording.motion.markers
+    measured = recording.trial.select(labels).markers
+    seen = np.asarray(np.isfinite(measured).all(axis=2))
+    n = len(measured)
+    splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
+    values = np.stack([part.reshape(measured.shape) for part in splines])
+    values[0] = measured
+    values = np.where(seen[None, :, :, None], values, 0.0)
+    scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
+    dimensions = 3 if recording.components == SPATIAL else 2
+    total = dimensions * max(float(seen.sum()), 1.0)
+    weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
+    targets, count = marker_rates.MarkerTargets(values, weights), total / count_repeats(recording, settings)
+    return problems.ConsistentProblem(
+        mechanism=motions.Mechanism(whole, inertia.gather_inertias(model)),
         tree=alone,
-        p=list_parameter_values(model),
+        p=compiling.list_parameter_values(model),
         basis=basis,
         free=np.flatnonzero(open_),
         constant=rated.q[0],
@@ -260,17 +265,17 @@ def pose_problem(
         shifts=make_artefact_shifts(
             model, names, rated.q, basis, expect_artefacts(model), axes=axes, placed_m=settings.placed_m
         ),
-        inertia=np.zeros((N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
+        inertia=np.zeros((motions.N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
         prior=1.0 / count,
     )
 
 
 def find_inertial_freedom(
     model: body.BodyModel,
-    recordings: Sequence[ConsistentRecording],
-    rated: Sequence[RatedMotion],
-    settings: ConsistentSettings,
-    identification: IdentificationSettings,
+    recordings: abc.Sequence[ConsistentRecording],
+    rated: abc.Sequence[inverse_dynamics.RatedMotion],
+    settings: problems.ConsistentSettings,
+    identification: identifications.IdentificationSettings,
 ) -> Array:
     """The combinations of inertial parameters that the forces say more about than the model's own, the prior.
 
@@ -284,61 +289,39 @@ def find_inertial_freedom(
     for recording, motion in zip(recordings, rated, strict=True):
         targets = _make_wrench_targets(model, recording, settings)
         counted = (targets.weights > 0).sum() / count_repeats(recording, settings)
-        for block in compute_regressor_blocks(
-            inertia.compile_mechanism(model), motion.rates, list_parameter_values(model)
+        for block in wrenches.compute_regressor_blocks(
+            inertia.compile_mechanism(model), motion.rates, compiling.list_parameter_values(model)
         ):
             rows = block.ground @ free
             heavy = counted * targets.weights[block.rows]
             information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
     gains, vectors = np.linalg.eigh(information)
-    return np.asarray(free @ vectors[:, gains > DECIDES])
+    return np.asarray(free @ vectors[:, gains > identifications.DECIDES])
 
 
-def gather_limits(model: body.BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
+def gather_limits(model: body.BodyModel, problem: problems.ConsistentProblem) -> tuple[Array, Array]:
     """Joint limits of the free coordinates, each (m,).
 
     A spline lies between its smallest and largest coefficient, so limits on coefficients are limits on
     angles.
     """
-    lower, upper = list_coordinate_bounds(model)
+    lower, upper = compiling.list_coordinate_bounds(model)
     return lower[problem.free], upper[problem.free]
 
 
-def _make_marker_targets(
-    recording: ConsistentRecording, basis: SplineBasis, settings: ConsistentSettings
-) -> tuple[MarkerTargets, float]:
-    """Positions as measured, rates of splines through them, and how many errors are new.
-
-    Velocities and accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
-    """
-    names = recording.motion.markers
-    measured = recording.trial.select(names).markers
-    seen = np.asarray(np.isfinite(measured).all(axis=2))
-    n = len(measured)
-    splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
-    values = np.stack([part.reshape(measured.shape) for part in splines])
-    values[0] = measured
-    values = np.where(seen[None, :, :, None], values, 0.0)
-    scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
-    dimensions = 3 if recording.components == SPATIAL else 2
-    total = dimensions * max(float(seen.sum()), 1.0)
-    weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
-    return MarkerTargets(values, weights), total / count_repeats(recording, settings)
-
-
-def count_repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> float:
+def count_repeats(recording: ConsistentRecording, settings: problems.ConsistentSettings) -> float:
     """How many frames say the same thing."""
     step = float(np.median(np.diff(recording.trial.times)))
     return max(1.0, settings.independent_s / step)
 
 
 def _make_wrench_targets(
-    model: body.BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
-) -> WrenchTargets:
+    model: body.BodyModel, recording: ConsistentRecording, settings: problems.ConsistentSettings
+) -> problems.WrenchTargets:
     measured, known = recording.wrench, recording.known
-    force = settings.force_share * inertia.sum_mass(model) * -GRAVITY[1]
+    force = settings.force_share * inertia.sum_mass(model) * -wrenches.GRAVITY[1]
     scale = np.array([force] * 3 + [force * settings.arm_m] * 3)
     counted = known[:, None] * np.array(recording.components, dtype=float)
-    return WrenchTargets(
+    return problems.WrenchTargets(
         np.where(known[:, None], measured, 0.0), counted / (scale**2 * counted.sum()), recording.about
     )

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
+from scaling_service.capabilities.consistent import planar, result, words
 from scaling_service.capabilities.consistent.estimate import estimate_consistent as identify
-from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.weight import weigh_motions
-from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
-from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.capabilities.kinetics import inverse_dynamics
+from scaling_service.capabilities.shared import settings as shared_settings
+from scaling_service.capabilities.subject import loading
+from scaling_service.core import progress as progressing
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress, report_part, show_nothing
+from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia_planar import SQUAT
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
-from scaling_service.model.inertia import compile_whole_tree, sum_mass
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.tree import pose_links
@@ -40,33 +39,13 @@ PLACED_M = 0.007
 (Della Croce et al. 1999, 2005: 6 to 21 mm within examiners)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ConsistentResults:
-    """What the loop made of a subject."""
-
-    prepared: start.Prepared  # its model has the mass that the plates bear
-    chosen: ForceSettings
-    settings: Settings
-    recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
-    fitted: int  # how many were fitted
-    result: ConsistentResult
-    warnings: tuple[str, ...]
-    wall_s: float = 0.0
-
-    @property
-    def tracked(self) -> Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
-        """Every recording, and how it is explained in each of the three ways."""
-        for k, recording in enumerate(self.recordings):
-            yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}
-
-
 def consistent(
     subject: Subject | str | Path,
     chosen: ForceSettings = ForceSettings(),
-    settings: Settings = UNSMOOTHED,
+    settings: shared_settings.Settings = shared_settings.UNSMOOTHED,
     *,
-    progress: Progress | None = None,
-) -> ConsistentResults:
+    progress: progressing.Progress | None = None,
+) -> result.ConsistentResults:
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
     ``subject`` Subject or path of a subject file: calibration trials with forces are fitted, evaluation
@@ -75,11 +54,11 @@ def consistent(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or show_nothing
-    loaded = open_subject(subject, settings, facing=True)
+    report = progress or progressing.show_nothing
+    loaded = loading.open_subject(subject, settings, facing=True)
     with loaded.blame_files():
-        ready = read(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
-        result = identify(
+        ready = read(loaded, chosen, settings, progress=progressing.report_part(report, 0.0, _PREPARING))
+        found = identify(
             ready.prepared.model,
             ready.fitted,
             ready.held_out,
@@ -87,16 +66,75 @@ def consistent(
             progress=lambda what: report(what, _FINDING),
         )
     report("done", 1.0)
-    return ConsistentResults(
-        prepared=ready.prepared,
+    prepared, recordings = ready.prepared, (*ready.fitted, *ready.held_out)
+    warnings = tuple(dict.fromkeys((*prepared.warnings, *ready.notes, *found.inertial.warnings)))
+    wall_s = time.perf_counter() - clock
+    trials = {}
+    for k, one in enumerate(recordings):
+        ways = {way: tracked[k] for way, tracked in found.ways.items()}
+        held_out = k >= len(ready.fitted)
+        forces = prepared.forces.get(one.name)
+        trials[one.name] = result.ConsistentTrial(
+            held_out=held_out,
+            forces_from=forces.source.name if forces is not None else one.name,
+            frames=int(one.known.sum()),
+            ground_wrench_rmse=result.WrenchErrors(
+                **{n: _make_wrench(w.wrench_rmse, one) for n, w in ways.items()}
+            ),
+            marker_rms_mm=result.MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
+            weight=ways["consistent"].weight,
+        )
+    headline, tone = words.write_headline(trials.values())
+    document = result.ConsistentDocument(
+        headline=headline,
+        tone=tone,
+        **start.record_dynamics_provenance(prepared, settings, consistent=chosen),
+        mass_kg=round(inertia.sum_mass(prepared.model), 3),
+        trials=trials,
+        inertial=[
+            result.InertialEntry.model_validate(p, from_attributes=True) for p in found.inertial.parameters
+        ],
+        lengths_mm=_measure_lengths(found.model),
+        lengths_before_mm=_measure_lengths(found.start),
+        length_factors={name: round(f, 5) for name, f in found.factors.items()},
+        outer_iterations=found.outer_iterations,
+        converged=found.converged,
+        history=[
+            result.LoopEntry(
+                marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(wrench, recordings[0])
+            )
+            for markers, wrench in found.history
+        ],
+        warnings=list(warnings),
+        files=[],
+        wall_s=round(wall_s, 3),
+    )
+    return result.ConsistentResults(
+        prepared=prepared,
         chosen=chosen,
         settings=settings,
-        recordings=(*ready.fitted, *ready.held_out),
+        recordings=recordings,
         fitted=len(ready.fitted),
-        result=result,
-        warnings=tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
-        wall_s=time.perf_counter() - clock,
+        result=found,
+        document=document,
+        warnings=warnings,
+        wall_s=wall_s,
     )
+
+
+def _make_wrench(values: Array, recording: ConsistentRecording) -> result.GroundWrench:
+    named = zip(
+        ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"), values, recording.components, strict=True
+    )
+    return result.GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
+
+
+def _measure_lengths(model: BodyModel) -> dict[str, float]:
+    return {name: round(1e3 * length, 2) for name, length in measure_segment_lengths(model).items()}
+
+
+def _to_mm(metres: float) -> float:
+    return round(1e3 * metres, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -110,10 +148,16 @@ class Ready:
     notes: tuple[str, ...]
 
 
-def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
+def read(
+    loaded: loading.Loaded,
+    chosen: ForceSettings,
+    settings: shared_settings.Settings,
+    *,
+    progress: progressing.Progress,
+) -> Ready:
     """Read the forces, scale the model, follow the markers, weigh the person; errors as above."""
     if loaded.session.subject.model == SQUAT:
-        prepared, found = prepare_squat(loaded, chosen)
+        prepared, found = planar.prepare_squat(loaded, chosen)
     else:
         usual = chosen.model_copy(update={"start": chosen.start or start.choose_rigid(loaded.session)})
         prepared = start.prepare(loaded, usual, settings, progress=progress)
@@ -121,45 +165,7 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
     names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
     fitted = tuple(found[name] for name in names)
     held_out = tuple(recording for name, recording in found.items() if name not in names)
-    prepared, notes = _take_borne_mass(prepared, fitted)
-    # fitted markers, and those of a given model, are where they are said to be
-    placed_m = PLACED_M if prepared.start in ("MB", "EB", STANDING) else 0.0
-    own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
-    return Ready(prepared=prepared, fitted=fitted, held_out=held_out, settings=own, notes=notes)
-
-
-def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
-    motion, forces = prepared.motions[name], prepared.forces[name]
-    dynamics = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
-    weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
-    assert weight is not None  # it has one recording
-    weight.check()
-    trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
-    return ConsistentRecording(
-        trial=trial,
-        motion=motion,
-        loads=forces.loads,
-        supported=find_judged_frames(dynamics, forces.contacts, cutoff_hz),
-        about=_find_middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
-    )
-
-
-def _find_middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
-    """The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others."""
-    rows = [model.segment_names.index(name) for name in segments]
-    known = np.isfinite(q).all(axis=1)
-    tree = compile_whole_tree(model)
-    poses = pose_links(tree, np.ascontiguousarray(q[known].T), list_parameter_values(model))
-    middle = poses.origins[rows].mean(axis=0).T
-    result = np.tile(middle.mean(axis=0), (len(q), 1))
-    result[known] = middle
-    return result
-
-
-def _take_borne_mass(
-    prepared: start.Prepared, fitted: tuple[ConsistentRecording, ...]
-) -> tuple[start.Prepared, tuple[str, ...]]:
-    """The model with the mass that the plates bear, and a note where that is another."""
+    # The model with the mass that the plates bear, and a note where that is another
     if not fitted:
         raise TrialUnusable(
             "no calibration trial has forces, so there is nothing to fit",
@@ -167,7 +173,39 @@ def _take_borne_mass(
             remedy="Name a movement with both feet on force plates under `calibration:`",
         )
     borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
-    mass, before = float(borne.mean() / -GRAVITY[1]), sum_mass(prepared.model)
-    notes = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
+    mass, before = float(borne.mean() / -GRAVITY[1]), inertia.sum_mass(prepared.model)
+    said = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
     changed = replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
-    return changed, notes if abs(mass / before - 1.0) > 0.01 else ()
+    prepared, notes = changed, said if abs(mass / before - 1.0) > 0.01 else ()
+    # fitted markers, and those of a given model, are where they are said to be
+    placed_m = PLACED_M if prepared.start in ("MB", "EB", planar.STANDING) else 0.0
+    own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
+    return Ready(prepared=prepared, fitted=fitted, held_out=held_out, settings=own, notes=notes)
+
+
+def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
+    motion, forces = prepared.motions[name], prepared.forces[name]
+    dynamics = inverse_dynamics.solve_inverse_dynamics(
+        prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz
+    )
+    weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
+    assert weight is not None  # it has one recording
+    weight.check()
+    trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
+    # The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others.
+    rows = [prepared.model.segment_names.index(name) for name in forces.loads.segments]
+    known = np.isfinite(dynamics.motion.q).all(axis=1)
+    tree = inertia.compile_whole_tree(prepared.model)
+    poses = pose_links(
+        tree, np.ascontiguousarray(dynamics.motion.q[known].T), list_parameter_values(prepared.model)
+    )
+    middle = poses.origins[rows].mean(axis=0).T
+    about = np.tile(middle.mean(axis=0), (len(dynamics.motion.q), 1))
+    about[known] = middle
+    return ConsistentRecording(
+        trial=trial,
+        motion=motion,
+        loads=forces.loads,
+        supported=inverse_dynamics.find_judged_frames(dynamics, forces.contacts, cutoff_hz),
+        about=about,
+    )

@@ -2,38 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.document import (
-    ConsistentDocument,
-    ConsistentTrial,
-    GroundWrench,
-    InertialEntry,
-    LoopEntry,
-    MarkerErrors,
-    WrenchErrors,
-)
+from scaling_service.capabilities.consistent import result as documents
+from scaling_service.capabilities.consistent import words
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.consistent.run import ConsistentResults
-from scaling_service.capabilities.consistent.words import summarise, write_headline
-from scaling_service.capabilities.dynamics.saving import record_dynamics_provenance, write_massive_model
+from scaling_service.capabilities.consistent.result import ConsistentResults
+from scaling_service.capabilities.dynamics import saving
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
 from scaling_service.files.table_files import ArrayFiles
-from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
-from scaling_service.report.onefile import Report, collect_files
+from scaling_service.report import onefile
 
 FILE_NAME = "consistent.json"
 WRENCHES_FILE = f"{FOLDER}/wrenches.json"
@@ -41,7 +29,7 @@ WRENCHES_FILE = f"{FOLDER}/wrenches.json"
 
 def save_consistent(
     results: ConsistentResults, folder: str | Path, *, report: bool = True
-) -> ConsistentDocument:
+) -> documents.ConsistentDocument:
     """Write motions, ``model.*``, ``consistent.json`` (returned) and ``report.html`` into a folder."""
     result = results.result
     with writing.all_or_nothing(Path(folder)) as scratch:
@@ -54,17 +42,19 @@ def save_consistent(
         for name, factor in results.result.factors.items():
             x, y, z = factors.get(name, (1.0, 1.0, 1.0))
             factors[name] = (factor * x, factor * y, factor * z)
-        notes = write_massive_model(scratch, result.model, results.prepared, factors)
-        document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
+        notes = saving.write_massive_model(scratch, result.model, results.prepared, factors)
+        written = sorted(path.name for path in scratch.iterdir())
+        warnings = [*results.document.warnings, *notes]
+        document = results.document.model_copy(update={"files": written, "warnings": warnings})
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the result's views with the ground wrench over time.
-            files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
+            files = onefile.collect_files(lambda folder: write_wrenches(results, folder, brief=True))
             (scratch / writing.REPORT).write_text(
-                Report(
+                onefile.Report(
                     kind="consistent",
                     name=FILE_NAME,
-                    summary=summarise(document),
+                    summary=words.summarise(document),
                     document=document,
                     files=files,
                     beside=document.files,
@@ -74,7 +64,9 @@ def save_consistent(
     return document
 
 
-def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument) -> dict[str, ResultTable]:
+def tabulate_consistent(
+    results: ConsistentResults, document: documents.ConsistentDocument
+) -> dict[str, ResultTable]:
     """Errors in the three ways, lengths before and after, and the consistent motions, by name."""
     errors = tuple(
         (name, "held out" if trial.held_out else "used to fit", way, *wrench.model_dump().values(), off)
@@ -83,7 +75,7 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
             trial.ground_wrench_rmse, trial.marker_rms_mm.model_dump().values(), strict=True
         )
     )
-    components = tuple(GroundWrench.model_fields)
+    components = tuple(documents.GroundWrench.model_fields)
     lengths = tuple((name, document.lengths_before_mm[name], v) for name, v in document.lengths_mm.items())
     model = results.result.model
     motions = {
@@ -100,7 +92,7 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
     }
 
 
-def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> WrenchScene:
+def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> playing.WrenchScene:
     """Write ``scene/wrenches.json`` with its tables: the ground wrench measured, and in each way.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -111,13 +103,13 @@ def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = F
         wrenches = {"measured": recording.wrench}
         wrenches |= {way: recording.wrench - tracked.gaps.wrench_gaps for way, tracked in ways.items()}
         times, name = recording.trial.times, recording.name
-        found[name] = WrenchTrial(
+        found[name] = playing.WrenchTrial(
             start_s=float(times[0]),
             rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
             components=[bool(yes) for yes in recording.components],
             wrenches={way: files.write(f"{name}.{way}", each, "N, N m") for way, each in wrenches.items()},
         )
-    document = WrenchScene(trials=found)
+    document = playing.WrenchScene(trials=found)
     writing.write_json(outputs / WRENCHES_FILE, document)
     return document
 
@@ -133,72 +125,3 @@ def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording
         residuals=tracked.gaps.marker_gaps,
         estimated=motion.estimated,
     )
-
-
-def _make_document(
-    results: ConsistentResults, files: Sequence[str], notes: Sequence[str]
-) -> ConsistentDocument:
-    """``consistent.json``, with the files and notes that writing them added."""
-    prepared, result = results.prepared, results.result
-    trials = {
-        recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
-        for k, (recording, ways) in enumerate(results.tracked)
-    }
-    headline, tone = write_headline(trials.values())
-    return ConsistentDocument(
-        headline=headline,
-        tone=tone,
-        **record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
-        mass_kg=round(sum_mass(prepared.model), 3),
-        trials=trials,
-        inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in result.inertial.parameters],
-        lengths_mm=_measure_lengths(result.model),
-        lengths_before_mm=_measure_lengths(result.start),
-        length_factors={name: round(f, 5) for name, f in result.factors.items()},
-        outer_iterations=result.outer_iterations,
-        converged=result.converged,
-        history=[
-            LoopEntry(
-                marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(w, results.recordings[0])
-            )
-            for markers, w in result.history
-        ],
-        warnings=[*results.warnings, *notes],
-        files=list(files),
-        wall_s=round(results.wall_s, 3),
-    )
-
-
-def _make_trial(
-    results: ConsistentResults,
-    recording: ConsistentRecording,
-    ways: Mapping[str, TrackedRecording],
-    *,
-    held_out: bool,
-) -> ConsistentTrial:
-    forces = results.prepared.forces.get(recording.name)
-    return ConsistentTrial(
-        held_out=held_out,
-        forces_from=forces.source.name if forces is not None else recording.name,
-        frames=int(recording.known.sum()),
-        ground_wrench_rmse=WrenchErrors(
-            **{n: _make_wrench(w.wrench_rmse, recording) for n, w in ways.items()}
-        ),
-        marker_rms_mm=MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
-        weight=ways["consistent"].weight,
-    )
-
-
-def _make_wrench(values: Array, recording: ConsistentRecording) -> GroundWrench:
-    named = zip(
-        ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"), values, recording.components, strict=True
-    )
-    return GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
-
-
-def _measure_lengths(model: BodyModel) -> dict[str, float]:
-    return {name: round(1e3 * length, 2) for name, length in measure_segment_lengths(model).items()}
-
-
-def _to_mm(metres: float) -> float:
-    return round(1e3 * metres, 3)

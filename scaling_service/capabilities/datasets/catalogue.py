@@ -5,18 +5,11 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import Annotated
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    model_validator,
-)
+import pydantic
 
 from scaling_service.core.errors import InputError
 from scaling_service.core.text import suggest_name
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.model import reference
 
 SUBJECT_FILE = "subject.yaml"
 SOURCE_FILE = "SOURCE.md"
@@ -25,11 +18,11 @@ IMAGE_MARKERS_FILE = "image_markers.csv"
 BASE_URL = "https://raw.githubusercontent.com"
 """Files of public GitHub repositories: <base>/<owner>/<name>/<commit>/<path>."""
 
-Text = Annotated[str, StringConstraints(min_length=1, strip_whitespace=True)]
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=40)]
-Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Commit = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{40}$")]
-Repository = Annotated[str, StringConstraints(pattern=r"^[\w.-]+/[\w.-]+$")]
+Text = Annotated[str, pydantic.StringConstraints(min_length=1, strip_whitespace=True)]
+Name = Annotated[str, pydantic.StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=40)]
+Sha256 = Annotated[str, pydantic.StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Commit = Annotated[str, pydantic.StringConstraints(pattern=r"^[0-9a-f]{40}$")]
+Repository = Annotated[str, pydantic.StringConstraints(pattern=r"^[\w.-]+/[\w.-]+$")]
 
 
 def _require_inside(path: str) -> str:
@@ -40,21 +33,21 @@ def _require_inside(path: str) -> str:
     return path
 
 
-RelativePath = Annotated[str, AfterValidator(_require_inside)]
+RelativePath = Annotated[str, pydantic.AfterValidator(_require_inside)]
 
 
-class _Strict(BaseModel):
+class _Strict(pydantic.BaseModel):
     """No unknown keys, no conversions."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class RemoteFile(_Strict):
     """One file of a repository, and what it must be."""
 
-    path: RelativePath = Field(description="In the repository.")
-    saved_as: RelativePath = Field(alias="as", description="In the folder of the dataset.")
-    bytes: int = Field(gt=0)
+    path: RelativePath = pydantic.Field(description="In the repository.")
+    saved_as: RelativePath = pydantic.Field(alias="as", description="In the folder of the dataset.")
+    bytes: int = pydantic.Field(gt=0)
     sha256: Sha256
 
 
@@ -62,26 +55,26 @@ class Licence(_Strict):
     """The terms, as the repository states them."""
 
     name: Text
-    non_commercial: bool = Field(description="Whether commercial use is excluded.")
-    note: Text | None = Field(default=None, description="What a user must know beyond the name.")
+    non_commercial: bool = pydantic.Field(description="Whether commercial use is excluded.")
+    note: Text | None = pydantic.Field(default=None, description="What a user must know beyond the name.")
 
 
 class Dataset(_Strict):
     """One person's recordings or bones, at one commit of one repository."""
 
-    title: Text = Field(description="What it is, one line.")
-    use: Text = Field(description="What it is good for, one line.")
-    about: Text = Field(description="What a user must know before trusting results on it.")
+    title: Text = pydantic.Field(description="What it is, one line.")
+    use: Text = pydantic.Field(description="What it is good for, one line.")
+    about: Text = pydantic.Field(description="What a user must know before trusting results on it.")
     licence: Licence
-    cite: tuple[Text, ...] = Field(min_length=1, strict=False)
+    cite: tuple[Text, ...] = pydantic.Field(min_length=1, strict=False)
     repository: Repository
     commit: Commit
-    files: tuple[RemoteFile, ...] = Field(min_length=1, strict=False)
-    image_markers_from: str | None = Field(
+    files: tuple[RemoteFile, ...] = pydantic.Field(min_length=1, strict=False)
+    image_markers_from: str | None = pydantic.Field(
         default=None, description="A model among the files whose bodies have the image's axes."
     )
-    subject: Text | None = Field(default=None, description="The subject file; none for bones alone.")
-    next: tuple[Text, ...] = Field(
+    subject: Text | None = pydantic.Field(default=None, description="The subject file; none for bones alone.")
+    next: tuple[Text, ...] = pydantic.Field(
         min_length=1, strict=False, description="Commands to run then; {folder} is where the files are."
     )
 
@@ -90,7 +83,7 @@ class Dataset(_Strict):
         """Of all files."""
         return sum(file.bytes for file in self.files)
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _consistent(self) -> Dataset:
         names = [file.saved_as for file in self.files]
         written = [SOURCE_FILE, SUBJECT_FILE, IMAGE_MARKERS_FILE]
@@ -116,7 +109,7 @@ def read_catalogue() -> dict[str, Dataset]:
     True
     """
     return CatalogueDocument.model_validate(
-        read_reference(find_reference_folder() / "datasets.yaml")
+        reference.read_reference(reference.find_reference_folder() / "datasets.yaml")
     ).datasets
 
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
+from scaling_service.capabilities.datasets import catalogue
 from scaling_service.capabilities.shared import screen
 from scaling_service.capabilities.shared.flags import make_folder_parser
-from scaling_service.report.tables import Row, Table
+from scaling_service.report import tables
 
 if TYPE_CHECKING:
     pass
@@ -77,18 +77,24 @@ def list_datasets() -> None:
 
     console = screen.make_console()
     rows = [
-        Row(name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", describe_terms(dataset), dataset.use])
+        tables.Row(
+            name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", describe_terms(dataset), dataset.use]
+        )
         for name, dataset in read_catalogue().items()
     ]
     screen.print_table(
         console,
-        Table(caption="", columns=["name", "what", "MB", "licence", "used for"], rows=rows, words=True),
+        tables.Table(
+            caption="", columns=["name", "what", "MB", "licence", "used for"], rows=rows, words=True
+        ),
     )
     console.print("Download one: [cyan]scaling-service datasets get NAME[/cyan]", highlight=False)
 
 
 @app.command("get")
-def get(name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url: _BaseUrl = BASE_URL) -> None:
+def get(
+    name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url: _BaseUrl = catalogue.BASE_URL
+) -> None:
     """Download a dataset, check it, and write it with a subject file and a note of source and licence.
 
     What is there already with the right content is not fetched again, so a download that broke off goes on
@@ -120,7 +126,9 @@ def get(name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url:
             console.print(f"{what} [bold]{escape(str(obtained.folder))}[/bold]:", highlight=False)
             console.print(f"  {escape(', '.join(files))}", highlight=False, soft_wrap=True)
     console.print(
-        f"Licence: {escape(describe_terms(dataset))}; read {SOURCE_FILE}", highlight=False, soft_wrap=True
+        f"Licence: {escape(describe_terms(dataset))}; read {catalogue.SOURCE_FILE}",
+        highlight=False,
+        soft_wrap=True,
     )
     console.print("Now run:", highlight=False)
     for command in list_next_commands(dataset, obtained.folder):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections import abc
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote, urlsplit
@@ -11,15 +11,15 @@ from urllib.parse import quote, urlsplit
 import pooch
 import requests
 
-from scaling_service.capabilities.datasets.catalogue import BASE_URL, RemoteFile
-from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.capabilities.datasets import catalogue
+from scaling_service.core import errors
 
 TIMEOUT_S = (10.0, 30.0)
 """To connect, and without any data; chosen: a slow link still answers, a dead one shows within a minute."""
 
 _CHUNK_BYTES = 1 << 16  # chosen: the progress moves several times a second on a slow link
 
-Received = Callable[[int], None]
+Received = abc.Callable[[int], None]
 
 _AGAIN = "Try again: files that came are kept"
 _ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
@@ -44,7 +44,7 @@ _ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
 """Kind of failure, problem and remedy, the particular before the general."""
 
 
-class DownloadFailed(InputError):
+class DownloadFailed(errors.InputError):
     """A file cannot be had from where it should be, or is not the one that was asked for."""
 
 
@@ -64,10 +64,10 @@ def check_base_url(base_url: str) -> str:
     except ValueError:
         usable = False
     if not usable:
-        raise InputError(
+        raise errors.InputError(
             f"'{base_url}' is not a web address",
             field="--base-url",
-            remedy=f"Give one that starts with https://, such as {BASE_URL}",
+            remedy=f"Give one that starts with https://, such as {catalogue.BASE_URL}",
         )
     return base_url.strip().rstrip("/")
 
@@ -91,12 +91,12 @@ def has_hash(path: Path, sha256: str) -> bool:
     try:
         return path.is_file() and pooch.file_hash(str(path), alg="sha256") == sha256
     except OSError as error:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"it is there but cannot be read: {error.strerror}", file=path, remedy="Move it away"
         ) from None
 
 
-def fetch(url: str, file: RemoteFile, cache: Path, received: Received) -> Path:
+def fetch(url: str, file: catalogue.RemoteFile, cache: Path, received: Received) -> Path:
     """The cached file, downloaded unless it is there with the right content.
 
     Nothing that is incomplete or wrong stays: a file appears in the cache once its SHA-256 was checked.
@@ -119,14 +119,24 @@ def fetch(url: str, file: RemoteFile, cache: Path, received: Received) -> Path:
         # What went wrong on the way, in plain words
         host = urlsplit(url).netloc
         if isinstance(error, requests.HTTPError) and error.response is not None:
-            problem, remedy = _describe_refusal(error.response.status_code, url)
+            if error.response.status_code in (404, 410):
+                layout = "<address>/<owner>/<name>/<commit>/<path>"
+                problem, remedy = (
+                    f"{url} is not there (HTTP {error.response.status_code})",
+                    f"Check the address: files are looked for at {layout}",
+                )
+            else:
+                problem, remedy = (
+                    f"{url} was refused (HTTP {error.response.status_code})",
+                    "Try again later, or name another address by --base-url",
+                )
         else:
             problem, remedy = next((p, r) for kind, p, r in _ON_THE_WAY if isinstance(error, kind))
         raise DownloadFailed(
             problem.format(host=host), file=file.saved_as, field="--base-url", remedy=remedy
         ) from None
     except OSError as error:
-        raise InputError(
+        raise errors.InputError(
             f"downloads cannot be kept there: {error.strerror or error}",
             file=cache,
             field="--cache",
@@ -141,7 +151,7 @@ class _Checked:
     Pooch's own downloader leaves connections open on errors, and does not stop at the size that is known.
     """
 
-    def __init__(self, file: RemoteFile, received: Received) -> None:
+    def __init__(self, file: catalogue.RemoteFile, received: Received) -> None:
         self._file, self._received = file, received
 
     def __call__(self, url: str, output_file: str, _pooch: object) -> None:
@@ -162,7 +172,7 @@ class _Checked:
             raise _report_another(url, file, f"SHA-256 {found}, {size} bytes")
 
 
-def _report_another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
+def _report_another(url: str, file: catalogue.RemoteFile, found: str) -> DownloadFailed:
     return DownloadFailed(
         f"what {url} gave is not the published file and was deleted: "
         f"expected SHA-256 {file.sha256}, {file.bytes} bytes; found {found}",
@@ -173,15 +183,8 @@ def _report_another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
     )
 
 
-def _describe_refusal(status: int, url: str) -> tuple[str, str]:
-    if status in (404, 410):
-        layout = "<address>/<owner>/<name>/<commit>/<path>"
-        return f"{url} is not there (HTTP {status})", f"Check the address: files are looked for at {layout}"
-    return f"{url} was refused (HTTP {status})", "Try again later, or name another address by --base-url"
-
-
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet() -> abc.Iterator[None]:
     """Keep pooch's own lines off the terminal; the caller says what happens."""
     logger = pooch.get_logger()
     before = logger.level

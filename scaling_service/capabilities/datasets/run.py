@@ -6,15 +6,13 @@ import csv
 import io
 import shlex
 import shutil
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 from scaling_service.capabilities.datasets import catalogue, downloads
-from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core import errors
 from scaling_service.core.progress import Progress
-from scaling_service.documents.writing import all_or_nothing, check_folder
+from scaling_service.documents import writing
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.osim.setups import parse_xml
 
@@ -52,12 +50,20 @@ def get_dataset(
     folder holds a file of the same name that differs.
     """
     base = downloads.check_base_url(base_url)
-    check_folder(folder)
+    writing.check_folder(folder)
     subject = {} if dataset.subject is None else {catalogue.SUBJECT_FILE: dataset.subject + "\n"}
     texts = subject | {catalogue.SOURCE_FILE: write_source_note(name, dataset)}
     new = _list_missing(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
     missing = [file for file in dataset.files if not _is_there(folder, file)]
-    fetched = _fetch_all(name, dataset, missing, cache, base, progress)
+    # File name in the dataset to its place in the cache
+    total = sum(file.bytes for file in missing)
+    done, fetched = 0, dict[str, Path]()
+    for number, file in enumerate(missing, start=1):
+        received = _report_received(progress, f"{file.saved_as} ({number} of {len(missing)}", done, total)
+        received(0)
+        url = downloads.make_remote_url(base, dataset.repository, dataset.commit, file.path)
+        fetched[file.saved_as] = downloads.fetch(url, file, cache / name, received)
+        done += file.bytes
     # The image markers of a dataset that has them inside a model.
     source = dataset.image_markers_from
     markers = (
@@ -67,7 +73,20 @@ def get_dataset(
     )
     new |= _list_missing(folder, markers)
     if fetched or new:
-        _write(folder, fetched, new)
+        with writing.all_or_nothing(folder) as scratch:
+            try:
+                for path, cached in fetched.items():
+                    (scratch / path).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(cached, scratch / path)
+                for path, content in new.items():
+                    (scratch / path).write_bytes(content.encode())
+            except OSError as error:
+                raise errors.InputError(
+                    f"the dataset cannot be written there: {error.strerror}",
+                    file=folder,
+                    field="--out",
+                    remedy="Free some space, or name another folder",
+                ) from None
     everything = (*(file.saved_as for file in dataset.files), *texts, *markers)
     written = tuple(path for path in everything if path in fetched or path in new)
     return Obtained(folder, written, tuple(path for path in everything if path not in written))
@@ -90,26 +109,6 @@ def _is_there(folder: Path, file: catalogue.RemoteFile) -> bool:
     return False
 
 
-def _fetch_all(
-    name: str,
-    dataset: catalogue.Dataset,
-    files: Sequence[catalogue.RemoteFile],
-    cache: Path,
-    base: str,
-    progress: Progress | None,
-) -> dict[str, Path]:
-    """File name in the dataset to its place in the cache."""
-    total = sum(file.bytes for file in files)
-    done, fetched = 0, dict[str, Path]()
-    for number, file in enumerate(files, start=1):
-        received = _report_received(progress, f"{file.saved_as} ({number} of {len(files)}", done, total)
-        received(0)
-        url = downloads.make_remote_url(base, dataset.repository, dataset.commit, file.path)
-        fetched[file.saved_as] = downloads.fetch(url, file, cache / name, received)
-        done += file.bytes
-    return fetched
-
-
 def _report_received(progress: Progress | None, what: str, before: int, total: int) -> downloads.Received:
     """What a file's download reports to, counted over all files."""
 
@@ -130,30 +129,13 @@ def _list_missing(folder: Path, texts: dict[str, str]) -> dict[str, str]:
     return {path: content for path, content in texts.items() if not (folder / path).exists()}
 
 
-def _report_difference(folder: Path, name: str) -> InputError:
-    return InputError(
+def _report_difference(folder: Path, name: str) -> errors.InputError:
+    return errors.InputError(
         f"'{name}' is there already, and differs from the dataset's; it was left as it is",
         file=folder,
         field="--out",
         remedy="Move it away, or name another folder",
     )
-
-
-def _write(folder: Path, fetched: dict[str, Path], texts: dict[str, str]) -> None:
-    with all_or_nothing(folder) as scratch:
-        try:
-            for path, source in fetched.items():
-                (scratch / path).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(source, scratch / path)
-            for path, content in texts.items():
-                (scratch / path).write_bytes(content.encode())
-        except OSError as error:
-            raise InputError(
-                f"the dataset cannot be written there: {error.strerror}",
-                file=folder,
-                field="--out",
-                remedy="Free some space, or name another folder",
-            ) from None
 
 
 def tabulate_image_markers(model: Path) -> str:
@@ -165,27 +147,25 @@ def tabulate_image_markers(model: Path) -> str:
     ``model``: an ``.osim`` file of OpenSim 4, positions in m. Returns CSV with the columns
     ``marker,segment,x_mm,y_mm,z_mm``. Raises FileUnreadable: it holds no markers, or one without a place.
     """
-    rows = [_make_row(marker, model) for marker in parse_xml(model).iter("Marker")]
+    rows = []
+    for marker in parse_xml(model).iter("Marker"):
+        name = marker.get("name", "")
+        segment = (marker.findtext("socket_parent_frame") or "").strip().rpartition("/")[2]
+        try:
+            x, y, z = (float(word) for word in (marker.findtext("location") or "").split())
+        except ValueError:
+            raise errors.FileUnreadable(
+                "the marker has no place", file=model, field=name, remedy="Report this: it should"
+            ) from None
+        # 0.1 µm, as results are written; the model itself states no more than six digits.
+        rows.append((name, segment, *(f"{_MM * value:.4f}" for value in (x, y, z))))
     if not rows:
-        raise FileUnreadable("the model holds no markers", file=model, remedy="Report this: it should")
+        raise errors.FileUnreadable("the model holds no markers", file=model, remedy="Report this: it should")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     table.writerows(rows)
     return text.getvalue()
-
-
-def _make_row(marker: Element, model: Path) -> tuple[str, ...]:
-    name = marker.get("name", "")
-    segment = (marker.findtext("socket_parent_frame") or "").strip().rpartition("/")[2]
-    try:
-        x, y, z = (float(word) for word in (marker.findtext("location") or "").split())
-    except ValueError:
-        raise FileUnreadable(
-            "the marker has no place", file=model, field=name, remedy="Report this: it should"
-        ) from None
-    # 0.1 µm, as results are written; the model itself states no more than six digits.
-    return name, segment, *(f"{_MM * value:.4f}" for value in (x, y, z))
 
 
 def write_source_note(name: str, dataset: catalogue.Dataset) -> str:

@@ -17,7 +17,8 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
-from scaling_service.capabilities.motion.run import TrackedTrial, track
+from scaling_service.capabilities.motion.result import TrackedTrial
+from scaling_service.capabilities.motion.run import track
 from scaling_service.model import body
 from scaling_service.model.anatomy.knees import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.anatomy.skin import slide_skin

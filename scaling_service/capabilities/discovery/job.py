@@ -33,7 +33,9 @@ def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progre
     from scaling_service.capabilities.discovery.playing import write_discovery_scene
     from scaling_service.capabilities.discovery.run import discover
     from scaling_service.capabilities.discovery.saving import save_discovery
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     results = discover(
         inputs / request.subject / DOCUMENT,
         request.part(DiscoverSettings),
@@ -43,11 +45,14 @@ def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progre
     document = save_discovery(
         results, outputs, progress=report_part(progress, _COMPUTING, _WRITING - _COMPUTING)
     )
+    write_tables(results.tables, document)
     progress("writing what is played back", _WRITING)
     write_discovery_scene(results, outputs)
     return document.model_dump(mode="json")
 
 
-KINDS = {
-    "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument),
-}
+def list_kinds() -> dict[str, Kind]:
+    """What the service offers of this capability."""
+    return {
+        "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument),
+    }

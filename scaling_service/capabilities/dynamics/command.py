@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared import flags, screen
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 
 COMMANDS = ("dynamics",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.dynamics.document import DynamicsDocument
+    from scaling_service.capabilities.dynamics.result import DynamicsDocument
 
 _SHOWN = 10  # numbers of identified inertia on the screen (chosen); all are in dynamics.json
 
@@ -22,7 +22,9 @@ def dynamics(
     subject: flags.SubjectFile,
     out: flags.Out,
     chosen: DynamicsSettings,
-    settings: Annotated[Settings, flags.Only("up", "forward", "seed")] = UNSMOOTHED,
+    settings: Annotated[
+        shared_settings.Settings, flags.Only("up", "forward", "seed")
+    ] = shared_settings.UNSMOOTHED,
     tables: flags.Tables = "",
     report: flags.Report = True,
 ) -> None:

@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from html import escape
+from collections import abc
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scaling_service.capabilities.dynamics import result, start, words
+from scaling_service.capabilities.dynamics import unmeasured as unweighed
+from scaling_service.capabilities.dynamics import weight as weights
+from scaling_service.capabilities.dynamics.inertia import identification
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
-from scaling_service.capabilities.dynamics.inertia.identification import (
-    IdentificationSettings,
-    identify_inertia,
-)
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty import total
-from scaling_service.capabilities.dynamics.unmeasured import (
-    Unmeasured,
-    find_unmeasured,
-    find_unmeasured_frames,
-)
-from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.kinetics.forces import TrialForces
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
+from scaling_service.capabilities.subject import provenance
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core import progress as progressing
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress, report_part, show_nothing
-from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import list_few
+from scaling_service.model.body import BodyModel
+from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
 from scaling_service.recording.faults import FAULTS
@@ -58,67 +50,13 @@ _NOT_MEASURED = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class TrialDynamics:
-    """One recording's dynamics."""
-
-    motion: Motion  # as the markers have it, not filtered
-    forces: TrialForces
-    dynamics: inverse_dynamics.InverseDynamics
-    frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
-    residuals: inverse_dynamics.Residuals  # over these frames
-    recording: total.LoadedMotion  # the same, as its uncertainty is asked of it
-    uncertainty: total.WrenchUncertainty  # of the residual, over the same frames
-    # flight, and what bears the person that no plate measures
-    unmeasured: tuple[Unmeasured, ...] = ()
-    warnings: tuple[str, ...] = ()  # plain sentences
-
-    @property
-    def calibration_supported(self) -> NDArray[np.bool_]:
-        """Components (6,) whose residual inertia may be blamed for; none where plates do not measure all."""
-        return np.asarray(self.uncertainty.calibration_supported & (not self.unmeasured))
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
-class DynamicsResults:
-    """Dynamics of all of a subject's recordings that have forces."""
-
-    prepared: Prepared
-    chosen: DynamicsSettings
-    settings: Settings
-    trials: Mapping[str, TrialDynamics]  # by the stems of the trials' files
-    weight: Weight  # by the plates, beside the model's
-    verdict: str  # in plain words: what the residuals say of the model
-    inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
-    warnings: tuple[str, ...] = ()  # what concerns all recordings
-    wall_s: float = 0.0
-
-    @property
-    def residuals(self) -> ResultTable:
-        """RMS of the residual wrench of every recording, N and N m."""
-        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in inverse_dynamics.COMPONENTS]
-        rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
-        return ResultTable("RMS of the residual", ("trial", *units), rows)
-
-    @property
-    def tables(self) -> dict[str, ResultTable]:
-        """The residuals of all recordings."""
-        return {"residuals": self.residuals}
-
-    def __repr__(self) -> str:
-        return f"{self.residuals!r}\n{self.verdict}"
-
-    def _repr_html_(self) -> str:
-        return f"{self.residuals._repr_html_()}<p>{escape(self.verdict)}</p>"
-
-
 def dynamics(
     subject: Subject | str | Path,
     chosen: DynamicsSettings = DynamicsSettings(),
-    settings: Settings = UNSMOOTHED,
+    settings: shared_settings.Settings = shared_settings.UNSMOOTHED,
     *,
-    progress: Progress | None = None,
-) -> DynamicsResults:
+    progress: progressing.Progress | None = None,
+) -> result.DynamicsResults:
     """Joint forces and residuals of a subject's recordings, with their uncertainty (Muller et al. 2017).
 
     Parameters
@@ -134,7 +72,7 @@ def dynamics(
 
     Returns
     -------
-    DynamicsResults
+    result.DynamicsResults
         Of every recording with forces: N and N m. ``verdict`` says what the residuals say of the model.
 
     Raises
@@ -152,10 +90,12 @@ def dynamics(
     67
     """
     clock = time.perf_counter()
-    report = progress or show_nothing
+    report = progress or progressing.show_nothing
     loaded = open_subject(subject, settings, facing=True)
-    prepared = prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
-    trials: dict[str, TrialDynamics] = {}
+    prepared = start.prepare(
+        loaded, chosen, settings, progress=progressing.report_part(report, 0.0, _PREPARING)
+    )
+    trials: dict[str, result.TrialDynamics] = {}
     refused: dict[str, TrialUnusable] = {}
     with loaded.blame_files():
         for k, name in enumerate(prepared.motions):
@@ -166,26 +106,111 @@ def dynamics(
                 refused[name] = error
         if not trials:
             raise next(iter(refused.values()))
-        weight = weigh_motions({name: (found.dynamics, found.frames) for name, found in trials.items()})
+        weight = weights.weigh_motions(
+            {name: (found.dynamics, found.frames) for name, found in trials.items()}
+        )
         assert weight is not None  # a recording without a frame that counts is refused
         weight.check()
         inertial, notes = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
-    return DynamicsResults(
+    warnings, wall_s = (*prepared.warnings, *notes), time.perf_counter() - clock
+    verdict = write_verdict(trials, weight, refused)
+    known = start.record_dynamics_provenance(prepared, settings, dynamics=chosen)
+    for name, found in trials.items():
+        known["repairs"][name] += provenance.repair_notes(found.forces.repairs)
+    told = {name: _make_trial(found, prepared) for name, found in trials.items()}
+    supported = [yes for trial in told.values() for yes in trial.calibration_supported]
+    headline, tone = words.write_headline(supported, wrong_mass=weight.differs)
+    document = result.DynamicsDocument(
+        **known,
+        headline=headline,
+        tone=tone,
+        mass_kg=sum_mass(prepared.model),
+        weight=result.WeightDocument(
+            declared_kg=weight.declared_kg,
+            plates_kg=weight.plates_kg,
+            sd_kg=weight.sd_kg,
+            differs=weight.differs,
+            by_trial_kg=dict(weight.by_trial),
+        ),
+        height_m=prepared.height_m,
+        trials=told,
+        verdict=verdict,
+        inertial=None if inertial is None else _make_identification(inertial, prepared.model),
+        warnings=list(warnings),
+        files=[],
+        wall_s=round(wall_s, 3),
+    )
+    return result.DynamicsResults(
         prepared=prepared,
         chosen=chosen,
         settings=settings,
         trials=trials,
         weight=weight,
-        verdict=write_verdict(trials, weight, refused),
+        verdict=verdict,
+        document=document,
         inertial=inertial,
-        warnings=(*prepared.warnings, *notes),
-        wall_s=time.perf_counter() - clock,
+        warnings=warnings,
+        wall_s=wall_s,
+    )
+
+
+def _make_trial(found: result.TrialDynamics, prepared: start.Prepared) -> result.TrialDynamicsDocument:
+    residuals, uncertainty = found.residuals, found.uncertainty
+    fitted = {trial.name for trial in prepared.loaded.session.calibration}
+    kinds = {c.name: c.kind for c in prepared.model.coordinates}
+    forces = found.dynamics.forces[found.frames]
+    return result.TrialDynamicsDocument.model_validate(
+        {
+            "role": "calibration" if residuals.trial in fitted else "evaluation",
+            "forces_from": found.forces.source.name,
+            "frames": residuals.frames,
+            "left_out": residuals.left_out,
+            "residual_rms": residuals.rms,
+            "dr": residuals.dr,
+            "gates": residuals.gates,
+            "joint_loads": {
+                name: {
+                    "unit": "N m" if kinds[name] == "rotation" else "N",
+                    "peak": np.abs(forces[:, k]).max(),
+                    "rms": np.sqrt((forces[:, k] ** 2).mean()),
+                }
+                for k, name in enumerate(found.dynamics.coordinates)
+            },
+            "reconstruction_error_mm": 1e3 * uncertainty.reconstruction_error_m,
+            "uncertainty": uncertainty,
+            "slopes_per_cm": uncertainty.slopes_per_cm,
+            "r2": uncertainty.r2,
+            "calibration_supported": found.calibration_supported.tolist(),
+            "unmeasured": [one.sentence for one in found.unmeasured],
+            "warnings": found.warnings,
+        },
+        from_attributes=True,
+    )
+
+
+def _make_identification(found: InertialIdentification, before: BodyModel) -> result.IdentificationDocument:
+    ratio = found.relative_error(held_out=True)
+    known = None if np.isnan(ratio) else ratio
+    headline, tone = words.write_inertial_headline(len(found.combinations), known, found.components)
+    return result.IdentificationDocument.model_validate(
+        {
+            "headline": headline,
+            "tone": tone,
+            "components": found.components,
+            "total_mass_kg": (sum_mass(before), sum_mass(found.model)),
+            "trials": {fit.trial: fit for fit in found.fits},
+            "held_out_ratio": known,
+            "combinations": found.combinations,
+            "parameters": found.parameters,
+            "warnings": found.warnings,
+        },
+        from_attributes=True,
     )
 
 
 def _identify(
-    prepared: Prepared, trials: Mapping[str, TrialDynamics], chosen: DynamicsSettings
+    prepared: start.Prepared, trials: abc.Mapping[str, result.TrialDynamics], chosen: DynamicsSettings
 ) -> tuple[InertialIdentification | None, tuple[str, ...]]:
     """Identify inertia from the calibration trials, and hold the evaluation trials out; None and why if not.
 
@@ -201,32 +226,34 @@ def _identify(
     if not supported.any() and not chosen.despite_verdict:
         return None, (*notes, "inertia was not identified: the verdict is that it would fit noise")
     recordings = {name: ForceRecording(found.dynamics, found.frames) for name, found in trials.items()}
-    result = identify_inertia(
+    identified = identification.identify_inertia(
         prepared.model,
         [recordings[name] for name in fitted],
         held_out=[recording for name, recording in recordings.items() if name not in fitted],
         supported=supported,
-        settings=IdentificationSettings(
+        settings=identification.IdentificationSettings(
             mass_known=not chosen.free_mass,
             symmetric=not chosen.sides_apart,
             despite_verdict=chosen.despite_verdict,
         ),
     )
-    return result, notes
+    return identified, notes
 
 
-def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettings) -> TrialDynamics:
+def compute_trial_dynamics(
+    prepared: start.Prepared, name: str, chosen: DynamicsSettings
+) -> result.TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = inverse_dynamics.solve_inverse_dynamics(
         prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz
     )
-    unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
+    unmeasured = unweighed.find_unmeasured(found, forces.contacts, prepared.model)
     frames = inverse_dynamics.find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
-    weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
+    weight = weights.weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
     if weight is not None:
         weight.check()
-    frames &= ~find_unmeasured_frames(unmeasured, found.motion.times)
+    frames &= ~unweighed.find_unmeasured_frames(unmeasured, found.motion.times)
     if unmeasured and not (frames & found.known).any():
         raise TrialUnusable(
             f"the plates measure no frame of it whole: {'; '.join(one.sentence for one in unmeasured)}",
@@ -245,7 +272,7 @@ def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettin
     )
     said = _warn(forces, motion, inverse_dynamics.find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
-    return TrialDynamics(
+    return result.TrialDynamics(
         motion=motion,
         forces=forces,
         dynamics=found,
@@ -258,7 +285,7 @@ def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettin
     )
 
 
-def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
+def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> abc.Iterator[str]:
     """What a person should know of a recording."""
     for repair in forces.repairs:
         if repair.what in _WARNED_OF:
@@ -275,9 +302,9 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
 
 
 def write_verdict(
-    trials: Mapping[str, TrialDynamics],
-    weight: Weight,
-    refused: Mapping[str, TrialUnusable] = MappingProxyType({}),
+    trials: abc.Mapping[str, result.TrialDynamics],
+    weight: weights.Weight,
+    refused: abc.Mapping[str, TrialUnusable] = MappingProxyType({}),
 ) -> str:
     """What was left out; whether mass and plates are right, inertia is to be calibrated, limits are kept."""
     said = [
@@ -293,10 +320,25 @@ def write_verdict(
     elif whole:
         said.append(_judge_calibration(whole))
     left_out = (f"{name} is left out: {error.problem}." for name, error in refused.items())
-    return " ".join([*weight.sentences, *left_out, *said, _describe_gates(trials)])
+    broken = {
+        name: [
+            gate.name
+            for gate in found.residuals.gates
+            if gate.source == inverse_dynamics.HICKS and not gate.passed
+        ]
+        for name, found in trials.items()
+    }
+    failing = [name for name, limits in broken.items() if limits]
+    if not failing:
+        gates = "The residuals keep the limits of Hicks et al. 2015."
+    else:
+        worst = max(failing, key=lambda name: len(broken[name]))
+        most = list_few(broken[worst])
+        gates = f"The residuals break limits of Hicks et al. 2015 in {list_few(failing)} ({worst}: {most})."
+    return " ".join([*weight.sentences, *left_out, *said, gates])
 
 
-def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
+def _judge_calibration(trials: abc.Mapping[str, result.TrialDynamics]) -> str:
     if len(trials) == 1:
         return next(iter(trials.values())).uncertainty.verdict
     able: dict[str, list[str]] = {}
@@ -314,20 +356,3 @@ def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
         f"Inertial parameters can be calibrated by {by}: there the residual stands above its uncertainty. "
         "Elsewhere the measurement's own uncertainty explains all of it."
     )
-
-
-def _describe_gates(trials: Mapping[str, TrialDynamics]) -> str:
-    broken = {
-        name: [
-            gate.name
-            for gate in found.residuals.gates
-            if gate.source == inverse_dynamics.HICKS and not gate.passed
-        ]
-        for name, found in trials.items()
-    }
-    failing = [name for name, gates in broken.items() if gates]
-    if not failing:
-        return "The residuals keep the limits of Hicks et al. 2015."
-    worst = max(failing, key=lambda name: len(broken[name]))
-    limits = list_few(broken[worst])
-    return f"The residuals break limits of Hicks et al. 2015 in {list_few(failing)} ({worst}: {limits})."

@@ -3,46 +3,35 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import abc
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics import words
-from scaling_service.capabilities.dynamics.document import (
-    DynamicsDocument,
-    IdentificationDocument,
-    TrialDynamicsDocument,
-    WeightDocument,
-)
-from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
+from scaling_service.capabilities.dynamics import result, words
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.core.options import Options
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
+from scaling_service.files import sto as sto_files
 from scaling_service.files.osim.models import write_osim
-from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
+from scaling_service.model import freed
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
-from scaling_service.model.freed import MARKERS_HELD, hold_markers
-from scaling_service.model.inertia import sum_mass
-from scaling_service.report.onefile import Report, collect_files
+from scaling_service.report import onefile
 
 FILE_NAME = "dynamics.json"
 
 RESIDUALS_FILE = f"{FOLDER}/residuals.json"
 
 
-def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool = True) -> DynamicsDocument:
+def save_dynamics(
+    results: result.DynamicsResults, folder: str | Path, *, report: bool = True
+) -> result.DynamicsDocument:
     """Write ``<trial>_id.sto`` of every trial, ``dynamics.json`` and ``report.html`` into a folder.
 
     Where inertia was identified, ``model.json`` and ``model.osim`` are the model with it.
@@ -76,19 +65,23 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     """
     with writing.all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
-            write_sto(scratch / f"{name}_id.sto", _tabulate_forces(name, found, results.prepared.model))
+            sto_files.write_sto(
+                scratch / f"{name}_id.sto", _tabulate_forces(name, found, results.prepared.model)
+            )
         notes: tuple[str, ...] = ()
         if results.inertial is not None:
             scaling = results.prepared.calibration
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
-        document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
+        written = sorted(path.name for path in scratch.iterdir())
+        warnings = [*results.document.warnings, *notes]
+        document = results.document.model_copy(update={"files": written, "warnings": warnings})
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the check's views with the residuals over time.
-            files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
+            files = onefile.collect_files(lambda folder: write_residuals(results, folder, brief=True))
             (scratch / writing.REPORT).write_text(
-                Report(
+                onefile.Report(
                     kind="dynamics",
                     name=FILE_NAME,
                     summary=words.summarise(document),
@@ -101,7 +94,7 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     return document
 
 
-def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table:
+def _tabulate_forces(name: str, found: result.TrialDynamics, model: BodyModel) -> sto_files.Table:
     """Generalised forces under the names of OpenSim's inverse dynamics tool, and the residual in ground axes.
 
     ``hip_flexion_r_moment`` is in N m, ``pelvis_tx_force`` in N; ``residual_fx`` … ``residual_mz`` in N and
@@ -110,7 +103,7 @@ def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table
     suffix = {c.name: "moment" if c.kind == "rotation" else "force" for c in model.coordinates}
     dynamics = found.dynamics
     columns = [f"{coordinate}_{suffix[coordinate]}" for coordinate in dynamics.coordinates]
-    return Table(
+    return sto_files.Table(
         name=name,
         columns=("time", *columns, *(f"residual_{component}" for component in COMPONENTS)),
         data=np.column_stack([dynamics.motion.times, dynamics.forces, dynamics.residual]),
@@ -118,7 +111,7 @@ def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table
     )
 
 
-def tabulate_loads(results: DynamicsResults) -> dict[str, ResultTable]:
+def tabulate_loads(results: result.DynamicsResults) -> dict[str, ResultTable]:
     """Joint loads and the residual of every recording over time, N and N m; see ``<trial>_id.sto``."""
     tables = {}
     for name, found in results.trials.items():
@@ -130,7 +123,7 @@ def tabulate_loads(results: DynamicsResults) -> dict[str, ResultTable]:
 
 
 def write_massive_model(
-    folder: Path, model: BodyModel, prepared: Prepared, factors: Mapping[str, tuple[float, float, float]]
+    folder: Path, model: BodyModel, prepared: Prepared, factors: abc.Mapping[str, tuple[float, float, float]]
 ) -> tuple[str, ...]:
     """Write a model whose inertia was found as model.json and model.osim; tells what the latter lacks.
 
@@ -140,7 +133,7 @@ def write_massive_model(
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     subject, scaling = prepared.subject, prepared.calibration
     is_file = subject.model.lower().endswith(".osim")
-    held = hold_markers(model)
+    held = freed.hold_markers(model)
     try:
         write_osim(
             folder / "model.osim",
@@ -154,103 +147,12 @@ def write_massive_model(
         )
     except DependencyMissing as error:
         return (f"model.osim was not written: {error}",)
-    return () if held == model else (MARKERS_HELD,)
+    return () if held == model else (freed.MARKERS_HELD,)
 
 
-def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
-    """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
-    resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
-    trials = prepared.loaded.session.dynamic
-    origin = record_provenance(prepared.loaded, trials, resolved, settings.seed)
-    return origin | {"start": prepared.start, "inertia": prepared.inertia}
-
-
-def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
-    """``dynamics.json``, with the files and notes that writing them added."""
-    prepared = results.prepared
-    known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
-    for name, found in results.trials.items():
-        known["repairs"][name] += repair_notes(found.forces.repairs)
-    trials = {name: _make_trial(found, results) for name, found in results.trials.items()}
-    supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
-    headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
-    return DynamicsDocument(
-        **known,
-        headline=headline,
-        tone=tone,
-        mass_kg=sum_mass(prepared.model),
-        weight=WeightDocument(
-            declared_kg=results.weight.declared_kg,
-            plates_kg=results.weight.plates_kg,
-            sd_kg=results.weight.sd_kg,
-            differs=results.weight.differs,
-            by_trial_kg=dict(results.weight.by_trial),
-        ),
-        height_m=prepared.height_m,
-        trials=trials,
-        verdict=results.verdict,
-        inertial=None if results.inertial is None else _make_identification(results.inertial, prepared.model),
-        warnings=[*results.warnings, *notes],
-        files=list(files),
-        wall_s=round(results.wall_s, 3),
-    )
-
-
-def _make_trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocument:
-    residuals, uncertainty = found.residuals, found.uncertainty
-    fitted = {trial.name for trial in results.prepared.loaded.session.calibration}
-    kinds = {c.name: c.kind for c in results.prepared.model.coordinates}
-    forces = found.dynamics.forces[found.frames]
-    return TrialDynamicsDocument.model_validate(
-        {
-            "role": "calibration" if residuals.trial in fitted else "evaluation",
-            "forces_from": found.forces.source.name,
-            "frames": residuals.frames,
-            "left_out": residuals.left_out,
-            "residual_rms": residuals.rms,
-            "dr": residuals.dr,
-            "gates": residuals.gates,
-            "joint_loads": {
-                name: {
-                    "unit": "N m" if kinds[name] == "rotation" else "N",
-                    "peak": np.abs(forces[:, k]).max(),
-                    "rms": np.sqrt((forces[:, k] ** 2).mean()),
-                }
-                for k, name in enumerate(found.dynamics.coordinates)
-            },
-            "reconstruction_error_mm": 1e3 * uncertainty.reconstruction_error_m,
-            "uncertainty": uncertainty,
-            "slopes_per_cm": uncertainty.slopes_per_cm,
-            "r2": uncertainty.r2,
-            "calibration_supported": found.calibration_supported.tolist(),
-            "unmeasured": [one.sentence for one in found.unmeasured],
-            "warnings": found.warnings,
-        },
-        from_attributes=True,
-    )
-
-
-def _make_identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
-    ratio = found.relative_error(held_out=True)
-    known = None if np.isnan(ratio) else ratio
-    headline, tone = words.write_inertial_headline(len(found.combinations), known, found.components)
-    return IdentificationDocument.model_validate(
-        {
-            "headline": headline,
-            "tone": tone,
-            "components": found.components,
-            "total_mass_kg": (sum_mass(before), sum_mass(found.model)),
-            "trials": {fit.trial: fit for fit in found.fits},
-            "held_out_ratio": known,
-            "combinations": found.combinations,
-            "parameters": found.parameters,
-            "warnings": found.warnings,
-        },
-        from_attributes=True,
-    )
-
-
-def write_residuals(results: DynamicsResults, outputs: Path, *, brief: bool = False) -> ResidualScene:
+def write_residuals(
+    results: result.DynamicsResults, outputs: Path, *, brief: bool = False
+) -> playing.ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -260,11 +162,11 @@ def write_residuals(results: DynamicsResults, outputs: Path, *, brief: bool = Fa
     for name, trial in results.trials.items():
         times = trial.dynamics.motion.times
         values = np.where(trial.frames[:, None], trial.dynamics.residual, np.nan)
-        found[name] = ResidualTrial(
+        found[name] = playing.ResidualTrial(
             start_s=float(times[0]),
             rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
             residual=files.write(f"{name}.residual", values, "N, N m"),
         )
-    document = ResidualScene(trials=found)
+    document = playing.ResidualScene(trials=found)
     writing.write_json(outputs / RESIDUALS_FILE, document)
     return document

@@ -6,29 +6,29 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scaling_service.capabilities.shared.names import Inertia, Start
-from scaling_service.core.options import Flag, Options
+from scaling_service.capabilities.shared import names
+from scaling_service.core import options
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 DEFAULT_TABLE = "dumas2007"
 """For built-in models that were scaled to a person: the table of Muller et al. 2017, sec. 2.3."""
 
 
-class ForceSettings(Options):
+class ForceSettings(options.Options):
     """What can be chosen wherever a model meets the ground's forces."""
 
-    start: Start = Field(
+    start: names.Start = Field(
         default=None,
         description="Scaling to start from; 'none' takes the given model as it is: already scaled. MAP "
         "unless given; `consistent` and `discover` take EB_am where there are bones, else MB_am.",
         examples=["none"],
     )
-    inertia: Inertia = Field(
+    inertia: names.Inertia = Field(
         default=None,
         description="Inertial table; 'model' keeps the model's own. dumas2007 for built-in models that were "
         "scaled, else the model's own, unless given.",
     )
-    cutoff_hz: Annotated[float, Flag(metavar="HZ")] = Field(
+    cutoff_hz: Annotated[float, options.Flag(metavar="HZ")] = Field(
         default=DYNAMICS_CUTOFF_HZ,
         gt=0.0,
         le=1000.0,
@@ -46,15 +46,15 @@ class DynamicsSettings(ForceSettings):
     5.0
     """
 
-    identify: Annotated[bool, Flag(name="--identify")] = Field(
+    identify: Annotated[bool, options.Flag(name="--identify")] = Field(
         default=False, description="Identify the inertia from the calibration trials with forces."
     )
-    free_mass: Annotated[bool, Flag(name="--free-mass")] = Field(
+    free_mass: Annotated[bool, options.Flag(name="--free-mass")] = Field(
         default=False, description="Let identification change the total mass."
     )
-    sides_apart: Annotated[bool, Flag(name="--sides-apart")] = Field(
+    sides_apart: Annotated[bool, options.Flag(name="--sides-apart")] = Field(
         default=False, description="Let identification change left and right apart."
     )
-    despite_verdict: Annotated[bool, Flag(name="--despite-verdict")] = Field(
+    despite_verdict: Annotated[bool, options.Flag(name="--despite-verdict")] = Field(
         default=False, description="Identify even where the verdict is that it would fit noise."
     )

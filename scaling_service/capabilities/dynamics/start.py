@@ -4,28 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE, ForceSettings
-from scaling_service.capabilities.kinetics.forces import (
-    TrialForces,
-    assign_forces,
-    find_feet,
-    gather_movement_forces,
-)
+from scaling_service.capabilities.kinetics import forces as kinetics_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared import names
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
+from scaling_service.model import subject as subjects
+from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.anatomy.inertia import apply_inertia_table
-from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Calibration, Motion
-from scaling_service.model.subject import Session, Subject
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -37,12 +35,12 @@ class Prepared:
     inertia: str  # a table's name, or ``model``
     model: BodyModel  # of the person's size and mass
     motions: Mapping[str, Motion]  # of the trials with forces, by their stems
-    forces: Mapping[str, TrialForces]  # of the same trials, at the times of their motions
+    forces: Mapping[str, kinetics_forces.TrialForces]  # of the same trials, at the times of their motions
     calibration: Calibration | None = None  # how the model was scaled; None for the given model
     warnings: tuple[str, ...] = ()
 
     @property
-    def subject(self) -> Subject:
+    def subject(self) -> subjects.Subject:
         """Whose recordings these are."""
         return self.loaded.session.subject
 
@@ -55,22 +53,22 @@ class Prepared:
 def prepare(
     loaded: Loaded,
     chosen: ForceSettings = ForceSettings(),
-    settings: Settings = UNSMOOTHED,
+    settings: shared_settings.Settings = shared_settings.UNSMOOTHED,
     *,
     progress: Progress | None = None,
 ) -> Prepared:
     """Give the forces of a subject's recordings to its feet, scale its model, and track the markers."""
     session, known = loaded.session, loaded.session.subject
     with loaded.blame_files():
-        read = gather_movement_forces(known, loaded.plates)
+        read = kinetics_forces.gather_movement_forces(known, loaded.plates)
         if known.height_m is None:
             raise SubjectInvalid(
                 "residuals are reported as shares of body weight times height, and no height is given",
                 field="subject.height_m",
                 remedy="Give the person's stature in m",
             )
-        find_feet(session.model)
-        forces, unusable = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
+        kinetics_forces.find_feet(session.model)
+        forces, unusable = kinetics_forces.assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
         start = scale_model(loaded, chosen.start, settings, progress=progress)
         massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
         trials = [trial for trial in session.dynamic if trial.name in forces]
@@ -100,13 +98,17 @@ class Start:
     warnings: tuple[str, ...]
 
 
-def choose_rigid(session: Session) -> str:
+def choose_rigid(session: subjects.Session) -> str:
     """The scaling whose markers are fixed on their segments and near, for what moves bodies itself."""
     return "EB_am" if session.images is not None else "MB_am"
 
 
 def scale_model(
-    loaded: Loaded, method: str | None, settings: Settings, *, progress: Progress | None = None
+    loaded: Loaded,
+    method: str | None,
+    settings: shared_settings.Settings,
+    *,
+    progress: Progress | None = None,
 ) -> Start:
     """Scale the model by a method; by the joint posterior unless another is given."""
     session = loaded.session
@@ -139,7 +141,9 @@ class Massive:
     notes: tuple[str, ...] = ()
 
 
-def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, scaled: bool) -> Massive:
+def with_inertia(
+    model: BodyModel, subject: subjects.Subject, inertia: str | None, *, scaled: bool
+) -> Massive:
     """The model of the person's size with the inertia that was asked for.
 
     Unless a table's name or ``OWN`` is given: ``DEFAULT_TABLE`` for a built-in model that was scaled to the
@@ -156,6 +160,16 @@ def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, sca
             field=f"subject.{lacking}",
             remedy=f"Give it, or keep the model's own inertia (inertia: {names.OWN})",
         )
-    apply = apply_to_squat if subject.model == SQUAT else apply_inertia_table
+    apply = inertia_planar.apply_to_squat if subject.model == inertia_planar.SQUAT else apply_inertia_table
     result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)
     return Massive(result.model, chosen, result.notes)
+
+
+def record_dynamics_provenance(
+    prepared: Prepared, settings: shared_settings.Settings, **chosen: Options
+) -> dict[str, Any]:
+    """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
+    resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
+    trials = prepared.loaded.session.dynamic
+    origin = record_provenance(prepared.loaded, trials, resolved, settings.seed)
+    return origin | {"start": prepared.start, "inertia": prepared.inertia}

@@ -5,7 +5,7 @@ The vertical momentum balance tells how much of the weight the plates lack; the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import abc
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
-from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, solve_inverse_dynamics
+from scaling_service.capabilities.dynamics import weight as weights
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.wrench import GRAVITY
-from scaling_service.recording.plates_feet import NOBODY, FootContacts
+from scaling_service.recording import plates_feet
 
 LACKING = 0.2
 """Share of the weight that must be missing (chosen: filtered markers leave less than a tenth of it)."""
@@ -79,7 +79,7 @@ class Unmeasured:
 
 
 def find_unmeasured(
-    dynamics: InverseDynamics, contacts: FootContacts, model: BodyModel
+    dynamics: inverse_dynamics.InverseDynamics, contacts: plates_feet.FootContacts, model: BodyModel
 ) -> tuple[Unmeasured, ...]:
     """Stretches of one recording in which the plates do not bear what the motion needs, and flight.
 
@@ -91,9 +91,11 @@ def find_unmeasured(
     needed = np.where(known, dynamics.external[:, 1] + dynamics.residual[:, 1], 0.0)
     weight = -GRAVITY[1] * dynamics.mass
     # What the plates bear of what is needed where nothing is missing: as the best of the blocks of time.
-    sums = np.array([(borne[r].sum(), needed[r].sum()) for r in split_into_blocks(known, times, BLOCK_S)])
+    sums = np.array(
+        [(borne[r].sum(), needed[r].sum()) for r in weights.split_into_blocks(known, times, weights.BLOCK_S)]
+    )
     sums = sums[sums[:, 1] > 0.0] if len(sums) else sums.reshape(0, 2)
-    best = compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
+    best = weights.compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
     base = float(np.clip(best, *_BASE))
     lack = needed / weight - borne / (base * weight)
     flying = known & (borne < FALLING * weight) & (needed < FALLING * weight)
@@ -125,20 +127,22 @@ def find_unmeasured(
 
 
 def describe_unmeasured(
-    model: BodyModel, trial: Trial, loads: SegmentLoads, contacts: FootContacts, cutoff_hz: float
+    model: BodyModel, trial: Trial, loads: SegmentLoads, contacts: plates_feet.FootContacts, cutoff_hz: float
 ) -> tuple[str, ...]:
     """The same in sentences, of a recording that was not tracked yet; the model has mass."""
-    dynamics = solve_inverse_dynamics(model, inverse_kinematics(model, trial), loads, cutoff_hz=cutoff_hz)
+    dynamics = inverse_dynamics.solve_inverse_dynamics(
+        model, inverse_kinematics(model, trial), loads, cutoff_hz=cutoff_hz
+    )
     return tuple(f"{trial.name} {one.sentence}" for one in find_unmeasured(dynamics, contacts, model))
 
 
-def find_unmeasured_frames(found: Iterable[Unmeasured], times: Array) -> NDArray[np.bool_]:
+def find_unmeasured_frames(found: abc.Iterable[Unmeasured], times: Array) -> NDArray[np.bool_]:
     """Frames (n,) whose forces are not all measured; flight is measured."""
     inside = [(times >= one.start_s) & (times <= one.end_s) for one in found if one.kind != "flight"]
     return np.asarray(np.any([np.zeros(len(times), dtype=bool), *inside], axis=0))
 
 
-def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterator[tuple[int, int]]:
+def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> abc.Iterator[tuple[int, int]]:
     """Runs of flags that last, brief gaps closed."""
     reach = max(1, round(FLIGHT_S / step)) if step else 1
     closed = ndimage.binary_closing(np.pad(flags, reach), np.ones(reach + 1))[reach:-reach]
@@ -146,26 +150,26 @@ def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterato
 
 
 def _find_reason(
-    beside: NDArray[np.bool_], bears: NDArray[np.bool_], contacts: FootContacts, rows: slice
+    beside: NDArray[np.bool_], bears: NDArray[np.bool_], contacts: plates_feet.FootContacts, rows: slice
 ) -> tuple[Kind | Literal["beside"] | None, str]:
     """Whether and which foot stands where no plate measures, and whether that is more than a walk's end."""
     for k, foot in enumerate(contacts.feet):
         if beside[rows, k].mean() > _MOST:
-            loaded = (contacts.foot != NOBODY).any(axis=1)
+            loaded = (contacts.foot != plates_feet.NOBODY).any(axis=1)
             between = loaded[: rows.start].any() and loaded[rows.stop :].any()
             lost = between or (not bears[:, k].any() and bears.any())
             return ("missing_plate" if lost else "beside"), foot
     return None, ""
 
 
-def _measure_pelvis_height(dynamics: InverseDynamics, model: BodyModel) -> Array:
+def _measure_pelvis_height(dynamics: inverse_dynamics.InverseDynamics, model: BodyModel) -> Array:
     """Height of the root above the lowest joint, over that in the default pose, (n,)."""
-    mechanism, p = compile_mechanism(model), list_parameter_values(model)
+    mechanism, p = compile_mechanism(model), compiling.list_parameter_values(model)
 
     def measure_height(q: Array) -> Array:
         up = pose_links(mechanism.tree, q, p).origins[:, 1]
         return np.asarray(up[0] - up.min(axis=0))
 
     return np.asarray(
-        measure_height(dynamics.motion.rates.q) / measure_height(repeat_default_pose(model, 1).T)
+        measure_height(dynamics.motion.rates.q) / measure_height(compiling.repeat_default_pose(model, 1).T)
     )

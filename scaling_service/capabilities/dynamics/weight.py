@@ -7,7 +7,7 @@ the part of a recording in which a chair, or a foot beside the plates, bears som
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +41,7 @@ class Weight:
     declared_kg: float  # the model's
     plates_kg: float
     sd_kg: float  # of plates_kg: spread of blocks of time, disagreement of recordings, the plates' gain
-    by_trial: Mapping[str, float]  # kg, by the recordings' names
+    by_trial: abc.Mapping[str, float]  # kg, by the recordings' names
     shown: float = 1.0  # share of the blocks, by the force needed, that show at least half of the difference
 
     @property
@@ -94,7 +94,7 @@ class Weight:
         return tuple(said)
 
 
-def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]]) -> Weight | None:
+def weigh(declared_kg: float, blocks: abc.Mapping[str, abc.Iterable[tuple[Array, Array]]]) -> Weight | None:
     """Mass from vertical forces.
 
     Parameters
@@ -139,7 +139,7 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
     )
 
 
-def weigh_motions(found: Mapping[str, tuple[InverseDynamics, NDArray[np.bool_]]]) -> Weight | None:
+def weigh_motions(found: abc.Mapping[str, tuple[InverseDynamics, NDArray[np.bool_]]]) -> Weight | None:
     """Mass from the dynamics of recordings with the frames (n,) that count in each; see :func:`weigh`."""
     blocks = {}
     for name, (dynamics, frames) in found.items():
@@ -151,14 +151,16 @@ def weigh_motions(found: Mapping[str, tuple[InverseDynamics, NDArray[np.bool_]]]
     return None if first is None else weigh(first[0].mass, blocks)
 
 
-def split_into_blocks(used: NDArray[np.bool_], times: Array, length_s: float) -> Iterator[NDArray[np.intp]]:
+def split_into_blocks(
+    used: NDArray[np.bool_], times: Array, length_s: float
+) -> abc.Iterator[NDArray[np.intp]]:
     """The frames that are used (n,), by blocks of time."""
     number = np.floor((times - times[0]) / length_s)
     for k in np.unique(number[used]):
         yield np.flatnonzero(used & (number == k))
 
 
-def compute_quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
+def compute_quantiles(values: Array, weights: Array, shares: abc.Sequence[float]) -> list[float]:
     """Weighted quantiles."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])

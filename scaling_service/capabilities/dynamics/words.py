@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 
-from scaling_service.capabilities.dynamics.document import (
-    DynamicsDocument,
-    IdentificationDocument,
-    InertialChange,
-    TrialDynamicsDocument,
-    merge_warnings,
-)
+from scaling_service.capabilities.dynamics import result as documents
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
+from scaling_service.capabilities.shared import names
 from scaling_service.documents.base import Tone
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
@@ -33,7 +27,7 @@ _NOTED = 0.1
 """Least change that is worth a row in the first table, prior standard deviations (chosen)."""
 
 
-def summarise(document: DynamicsDocument) -> Summary:
+def summarise(document: documents.DynamicsDocument) -> Summary:
     """The verdict on these recordings, what to beware of, residuals, and inertia where it was identified."""
     found = document.inertial
     inertial = () if found is None else make_inertial_tables(found)
@@ -48,20 +42,20 @@ def summarise(document: DynamicsDocument) -> Summary:
     )
 
 
-def describe_model(document: DynamicsDocument) -> str:
+def describe_model(document: documents.DynamicsDocument) -> str:
     """Which model was checked, with which inertia."""
-    how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
-    own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
+    how = "as given" if document.start == names.AS_IT_IS else f"scaled by {document.start}"
+    own = "its own inertia" if document.inertia == names.OWN else f"inertia of {document.inertia}"
     return f"model {how}, {own}, {document.mass_kg:.1f} kg"
 
 
-def list_cautions(document: DynamicsDocument) -> list[str]:
+def list_cautions(document: documents.DynamicsDocument) -> list[str]:
     """All warnings, each once."""
     found = () if document.inertial is None else document.inertial.warnings
-    return list(dict.fromkeys((*document.warnings, *merge_warnings(document), *found)))
+    return list(dict.fromkeys((*document.warnings, *documents.merge_warnings(document), *found)))
 
 
-def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str, Tone]:
+def write_headline(supported: abc.Sequence[bool], *, wrong_mass: bool) -> tuple[str, Tone]:
     """Whether recordings can tell a person's inertia, and whether that is good news.
 
     ``supported``: of every component of every recording, whether it can.
@@ -74,7 +68,9 @@ def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str,
     return _WRONG_MASS if wrong_mass else _HEADLINES[any(supported) + all(supported)]
 
 
-def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[tables.Table]:
+def make_inertial_tables(
+    found: documents.IdentificationDocument, most: int | None = None
+) -> abc.Iterator[tables.Table]:
     """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
     rows: list[tables.Row] = []
     for name, fit in found.trials.items():
@@ -88,11 +84,32 @@ def make_inertial_tables(found: IdentificationDocument, most: int | None = None)
     moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
     if moved:
         largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
-        yield _tabulate_parameters(f"What moved by {_NOTED:g} prior SD or more", largest)
+        caption = f"What moved by {_NOTED:g} prior SD or more"
+        rows = [
+            tables.Row(
+                f"{p.segment} {p.quantity}, {p.unit}",
+                [
+                    f"{p.before:.4g}",
+                    f"{p.after:.4g}",
+                    f"{p.prior_sd:.2g}",
+                    f"{p.sd:.2g}",
+                    f"{p.moved:+.2f}",
+                    tables.Cell("yes", tone="good") if p.identifiable else tables.Cell("no", tone="unknown"),
+                ],
+            )
+            for p in largest
+        ]
+        yield tables.Table(
+            caption=caption,
+            columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
+            rows=rows,
+            note="Centres of mass in the segment's frame, moments of inertia about the centre of mass. "
+            "Determined: the recordings say more about this number alone than the tables do.",
+        )
 
 
 def write_inertial_headline(
-    combinations: int, held_out_ratio: float | None, components: Sequence[bool]
+    combinations: int, held_out_ratio: float | None, components: abc.Sequence[bool]
 ) -> tuple[str, Tone]:
     """What an identification of inertia found, and whether that is good news."""
     count = combinations
@@ -102,42 +119,18 @@ def write_inertial_headline(
     ratio = held_out_ratio
     if ratio is None:
         return f"{moved}; no recording was held out to check it", "unknown"
-    what = "the wrench" if all(components) else _describe_used(components)
+    what = (
+        "the wrench"
+        if all(components)
+        else ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
+    )
     better = ratio < 1.0
     how = f"{100 * abs(ratio - 1):.0f} % {'better' if better else 'worse'}"
     return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
 
 
-def _describe_used(components: Sequence[bool]) -> str:
-    return ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
-
-
-def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> tables.Table:
-    rows = [
-        tables.Row(
-            f"{p.segment} {p.quantity}, {p.unit}",
-            [
-                f"{p.before:.4g}",
-                f"{p.after:.4g}",
-                f"{p.prior_sd:.2g}",
-                f"{p.sd:.2g}",
-                f"{p.moved:+.2f}",
-                tables.Cell("yes", tone="good") if p.identifiable else tables.Cell("no", tone="unknown"),
-            ],
-        )
-        for p in parameters
-    ]
-    return tables.Table(
-        caption=caption,
-        columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
-        rows=rows,
-        note="Centres of mass in the segment's frame, moments of inertia about the centre of mass. "
-        "Determined: the recordings say more about this number alone than the tables do.",
-    )
-
-
 def make_residual_tables(
-    trials: Mapping[str, TrialDynamicsDocument],
+    trials: abc.Mapping[str, documents.TrialDynamicsDocument],
 ) -> tuple[tables.Table, tables.Table, tables.Table]:
     """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
     first = next(iter(trials.values()))
@@ -188,7 +181,7 @@ def make_residual_tables(
     return rms, shares, gates
 
 
-def _format_gate(trial: TrialDynamicsDocument, k: int) -> tables.Cell:
+def _format_gate(trial: documents.TrialDynamicsDocument, k: int) -> tables.Cell:
     gate = trial.gates[k]
     return tables.Cell(
         f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",

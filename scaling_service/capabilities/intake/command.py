@@ -19,7 +19,7 @@ from scaling_service.core.text import list_few
 COMMANDS = ("proof",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.intake.document import ProofDocument
+    from scaling_service.capabilities.intake.result import ProofDocument
 
 _COLOURS = {"error": "red", "warning": "yellow", "note": "dim"}
 
@@ -53,7 +53,15 @@ def _show(found: ProofDocument) -> None:
         why = file.problem.problem if file.problem is not None else file.why
         files.add_row(*(escape(text) for text in (file.name, file.kind, file.role or "–", why)))
     console.print(files)
-    for line in (*_describe_person(found), *_describe_marker_set(found)):
+    # Model and sizes
+    person = [f"Model: {found.model}{'' if found.model_why is None else f' ({found.model_why})'}"]
+    if found.sizes is not None:
+        whole = (("height", found.sizes.height_m, "m"), ("mass", found.sizes.mass_kg, "kg"))
+        sizes = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
+        sizes += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
+        if sizes:
+            person.append(f"Sizes: {', '.join(sizes)} (from {list_few(found.sizes.source)})")
+    for line in (*person, *_describe_marker_set(found)):
         console.print(escape(line))
     renamed = [m for m in found.markers if m.label not in (None, m.marker)]
     if renamed:
@@ -103,17 +111,6 @@ def _show(found: ProofDocument) -> None:
         lacks = [f"{need.name}: {need.text}" for need in entry.needs if need.required and not need.there]
         console.print(escape(f"{entry.title}: {'ready' if entry.ready else '; '.join(lacks)}"))
     console.print(f"{escape(found.headline)}.")
-
-
-def _describe_person(found: ProofDocument) -> Iterator[str]:
-    """Model and sizes."""
-    yield f"Model: {found.model}{'' if found.model_why is None else f' ({found.model_why})'}"
-    if found.sizes is not None:
-        whole = (("height", found.sizes.height_m, "m"), ("mass", found.sizes.mass_kg, "kg"))
-        sizes = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
-        sizes += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
-        if sizes:
-            yield f"Sizes: {', '.join(sizes)} (from {list_few(found.sizes.source)})"
 
 
 def _describe_marker_set(found: ProofDocument) -> Iterator[str]:

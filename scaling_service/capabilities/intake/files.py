@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 
-from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.documents.reading import check_document, read_content
+from scaling_service.documents import reading
 from scaling_service.documents.subject import MODEL_SUFFIXES
-from scaling_service.files import recording
+from scaling_service.files import recording, segmentation
 from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map, list_tables
+from scaling_service.model import forces as model_forces
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Trial
+from scaling_service.recording import orientation
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import compute_ground_forces
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
@@ -56,14 +54,14 @@ class RecordingFile:
 
     file: str
     trial: recording.Recording  # in the laboratory's axes, m as stated
-    axes: Orientation
-    forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
-    problems: tuple[ProblemEntry, ...] = ()
+    axes: orientation.Orientation
+    forces: model_forces.GroundForces | None = None  # of its own plates, in the laboratory's axes
+    problems: tuple[documents.ProblemEntry, ...] = ()
 
     @property
-    def plates(self) -> tuple[RawPlate, ...]:
+    def plates(self) -> tuple[model_forces.RawPlate, ...]:
         """Its own plates, in the laboratory's axes."""
-        return self.trial.plates.plates if isinstance(self.trial.plates, PlateRecording) else ()
+        return self.trial.plates.plates if isinstance(self.trial.plates, model_forces.PlateRecording) else ()
 
     @property
     def corners(self) -> Array | None:
@@ -72,10 +70,12 @@ class RecordingFile:
         return np.stack([plate.corners for plate in known]) if known else None
 
 
-def make_problem(error: InputError, severity: Severity = "error", file: str | None = None) -> ProblemEntry:
+def make_problem(
+    error: errors.InputError, severity: documents.Severity = "error", file: str | None = None
+) -> documents.ProblemEntry:
     """An error as it travels, its file without the folder that it lay in."""
     named = file if error.file is None else Path(error.file).name
-    return ProblemEntry(
+    return documents.ProblemEntry(
         severity=severity, file=named, field=error.field, problem=error.problem, remedy=error.remedy
     )
 
@@ -87,7 +87,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     """
     trial = repair_markers(recording.read_recording(file))
     if not trial.labels:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "rotations without markers, which `ik` follows with a model that is scaled",
             file=file,
             field=_ROTATIONS,
@@ -98,13 +98,13 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
         return seen
     try:
         return replace(seen, forces=compute_ground_forces(trial.plates))
-    except InputError as error:
+    except errors.InputError as error:
         return replace(seen, problems=(make_problem(error, "warning", file.name),))
 
 
 def decide_session_axes(
-    seen: Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
-) -> Orientation:
+    seen: abc.Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
+) -> orientation.Orientation:
     """One decision for all recordings, as scaling takes it.
 
     ``seen``: at least one. ``static``: the file of standing. ``up``, ``forward``: as given.
@@ -117,10 +117,12 @@ def decide_session_axes(
     return agree_on_axes(decided, None if static is None else Path(static))
 
 
-def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEntry:
+def make_axes_entry(
+    axes: orientation.Orientation, up: str | None, forward: str | None
+) -> documents.AxesEntry:
     """A decision as it travels."""
     why = [r.detail for r in axes.repairs if r.what in ("up_axis", "forward_axis", "unit")]
-    return AxesEntry(
+    return documents.AxesEntry(
         up=axes.up,
         forward=axes.forward,
         sure=not any(f"({GUESSED}" in text for text in why),
@@ -130,13 +132,13 @@ def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> A
     )
 
 
-def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
+def decide_axes(trial: Trial, up: str | None, forward: str | None) -> orientation.Orientation:
     """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
     level = list_level_corners(trial) if isinstance(trial, recording.Recording) else None
     # Labels whose role no other label has: of two persons nobody knows whose it is.
     every = list(roles.values())
-    return decide(
+    return orientation.decide(
         trial,
         roles={label: role for label, role in roles.items() if every.count(role) == 1},
         up=up,
@@ -160,8 +162,8 @@ class InputFile:
     name: str
     kind: Kind
     why: str  # how that was found
-    problem: ProblemEntry | None = None  # why it cannot be used
-    content: RecordingFile | GroundForces | str | Mapping[str, Any] | None = None
+    problem: documents.ProblemEntry | None = None  # why it cannot be used
+    content: RecordingFile | model_forces.GroundForces | str | abc.Mapping[str, Any] | None = None
     asks: frozenset[str] = frozenset()  # the markers that a scale set-up measures between
 
     @property
@@ -184,15 +186,35 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
         if found.problem is not None and found.problem.field == _ROTATIONS:
             return InputFile(name=file.name, kind="other", why=found.problem.problem)
         return found
-    if file.name.lower().endswith(MAP_SUFFIXES):
-        return _read_label_map(file)
+    if file.name.lower().endswith(segmentation.MAP_SUFFIXES):
+        mask = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
+        try:
+            return replace(mask, why=segmentation.describe_label_map(file))
+        except errors.InputError as error:
+            return replace(mask, problem=make_problem(error, file=file.name))
     for other in file.parent.iterdir():
-        if file.name in list_tables(other.name):
+        if file.name in segmentation.list_tables(other.name):
             return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
-    reader = _READERS.get(suffix)
-    if reader is None:
-        return InputFile(name=file.name, kind="other", why="of no kind that is used here")
-    return reader(file)
+    match suffix:
+        case ".mot" | ".sto":
+            return _read_table(file)
+        case ".xml":
+            return _read_xml(file)
+        case ".osim":
+            if "<OpenSimDocument" not in _read_beginning(file):
+                problem = documents.ProblemEntry(
+                    severity="error",
+                    file=file.name,
+                    problem="it is no OpenSim model",
+                    remedy="Save the model again in OpenSim 4",
+                )
+                return InputFile(name=file.name, kind="model", why="a model, by its suffix", problem=problem)
+            return InputFile(name=file.name, kind="model", why="a model of OpenSim")
+        case ".yaml" | ".yml" | ".json":
+            return _read_subject(file)
+    if suffix in _MESHES:
+        return _read_mesh(file)
+    return InputFile(name=file.name, kind="other", why="of no kind that is used here")
 
 
 def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
@@ -207,11 +229,11 @@ def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
     return other if found.problem.field == FIELD else replace(other, why=found.problem.problem)
 
 
-def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> InputFile:
+def _try_reading(guess: InputFile, file: Path, read: abc.Callable[[], Any]) -> InputFile:
     """The guess with what was read, or with why nothing could be."""
     try:
         return replace(guess, content=read())
-    except InputError as error:
+    except errors.InputError as error:
         return replace(guess, problem=make_problem(error, file=file.name))
 
 
@@ -221,7 +243,7 @@ def _read_table(file: Path) -> InputFile:
         return InputFile(
             name=file.name, kind="forces", why="it has columns of ground forces", content=read_forces(file)
         )
-    except InputError as error:
+    except errors.InputError as error:
         if error.field == "columns":
             return InputFile(
                 name=file.name, kind="other", why="a table without ground forces, such as a motion"
@@ -242,14 +264,6 @@ def _read_mesh(file: Path) -> InputFile:
     return _try_reading(
         InputFile(name=file.name, kind="mesh", why="a surface, by its suffix"), file, read_unit
     )
-
-
-def _read_label_map(file: Path) -> InputFile:
-    guess = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
-    try:
-        return replace(guess, why=describe_label_map(file))
-    except InputError as error:
-        return replace(guess, problem=make_problem(error, file=file.name))
 
 
 def _read_csv(file: Path) -> InputFile:
@@ -274,7 +288,7 @@ def _read_xml(file: Path) -> InputFile:
                 )
                 try:
                     setup = read_scale_setup(file)
-                except InputError as error:
+                except errors.InputError as error:
                     return replace(guess, problem=make_problem(error, file=file.name))
                 pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
                 return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
@@ -282,26 +296,14 @@ def _read_xml(file: Path) -> InputFile:
     return InputFile(name=file.name, kind="other", why="XML that is not used here")
 
 
-def _read_osim(file: Path) -> InputFile:
-    if "<OpenSimDocument" not in _read_beginning(file):
-        problem = ProblemEntry(
-            severity="error",
-            file=file.name,
-            problem="it is no OpenSim model",
-            remedy="Save the model again in OpenSim 4",
-        )
-        return InputFile(name=file.name, kind="model", why="a model, by its suffix", problem=problem)
-    return InputFile(name=file.name, kind="model", why="a model of OpenSim")
-
-
 def _read_subject(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
-    def read() -> Mapping[str, Any]:
-        content: Any = read_content(file)
+    def read() -> abc.Mapping[str, Any]:
+        content: Any = reading.read_content(file)
         if isinstance(content, dict):  # files are uploaded by their names alone, without folders
             content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
-        check_document(content)
+        reading.check_document(content)
         return dict(content)
 
     beginning = _read_beginning(file)
@@ -312,7 +314,7 @@ def _read_subject(file: Path) -> InputFile:
     return _try_reading(InputFile(name=file.name, kind="subject", why="it describes a subject"), file, read)
 
 
-def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:
+def map_files(document: abc.Mapping[str, Any], change: abc.Callable[[str, str], str]) -> dict[str, Any]:
     """A subject document, which need not be whole, with every name of a file changed.
 
     ``change``: from the place where it stands, such as ``trials.calibration.0``, and the name.
@@ -335,17 +337,11 @@ def _read_beginning(file: Path) -> str:
         return stream.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
 
 
-_READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
-    {".mot": _read_table, ".sto": _read_table, ".xml": _read_xml, ".osim": _read_osim}
-    | dict.fromkeys(_MESHES, _read_mesh)
-    | dict.fromkeys((".yaml", ".yml", ".json"), _read_subject)
-)
-"""Suffix to what tells more."""
-
-
-def merge_known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
+def merge_known(found: abc.Sequence[InputFile], document: abc.Mapping[str, Any]) -> dict[str, Any]:
     """The document; while it names no recordings, with what a subject file among the files says."""
-    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
+    file = next(
+        (f.content for f in found if f.kind == "subject" and isinstance(f.content, abc.Mapping)), None
+    )
     if file is None or document.get("trials"):
         return dict(document)
     return {**file, **document, "subject": {**file["subject"], **document["subject"]}}

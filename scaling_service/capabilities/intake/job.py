@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
@@ -59,6 +59,8 @@ def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress)
     return found.model_dump(mode="json")
 
 
-KINDS = {
-    "proof": job.Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "proof": job.Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
+    }

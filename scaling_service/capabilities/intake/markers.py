@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter, abc
 from dataclasses import dataclass
 from typing import Any
 
-from scaling_service.capabilities.intake.document import (
-    Candidate,
-    ExtraMarker,
-    MarkerProof,
-    MarkerSetProof,
-    SizesProof,
-)
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.model.anatomy import marker_sets
-from scaling_service.model.anatomy.markers import (
-    SACRUM,
-    describe_likeness,
-    find_canonical,
-    is_computed,
-    strip_prefix,
-)
+from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.trial import Trial, is_unlabelled
-from scaling_service.recording.identity.identify import Identification, identify
+from scaling_service.recording.identity import identify as identifying
 
-CONFIDENCE: Mapping[str, float] = {
+CONFIDENCE: abc.Mapping[str, float] = {
     "": 1.0,
     "prefix left out": 0.99,
     "capitals ignored": 0.95,
@@ -70,11 +57,11 @@ class _Choice:
 
 def propose_markers(
     model: BodyModel,
-    trials: Mapping[str, Trial],
-    document: Mapping[str, str],
-    laboratory: Mapping[str, str],
-    who: Identification,
-) -> tuple[list[MarkerProof], list[str]]:
+    trials: abc.Mapping[str, Trial],
+    document: abc.Mapping[str, str],
+    laboratory: abc.Mapping[str, str],
+    who: identifying.Identification,
+) -> tuple[list[documents.MarkerProof], list[str]]:
     """A label for every marker of a model.
 
     ``trials``: name to recording, in one set of axes, m. ``document``: model marker to label, as the
@@ -84,34 +71,12 @@ def propose_markers(
     labels = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     wanted = [m.name for m in model.markers if m.weight > 0.0]
     offers = {marker: list(_by_name(marker, labels, document, laboratory)) for marker in wanted}
-    taken = _assign(offers)
-    taken |= _by_place([m for m in wanted if m not in taken], {c.label for c in taken.values()}, who)
-    used = {choice.label for choice in taken.values()}
-    unused = [label for label in labels if label not in used]
-    entries = [_make_entry(model, marker, taken.get(marker), offers[marker], trials) for marker in wanted]
-    return entries, unused
-
-
-def _by_name(
-    marker: str, labels: Sequence[str], document: Mapping[str, str], laboratory: Mapping[str, str]
-) -> Iterator[_Choice]:
-    for label in labels:
-        plain = strip_prefix(label)
-        if document.get(marker) in (label, plain):
-            yield _Choice(label, 1.0, "as the subject's document says", "document")
-        elif laboratory.get(label, laboratory.get(plain)) == marker:
-            yield _Choice(label, 0.99, "as the laboratory's map says", "laboratory")
-        elif (reason := describe_likeness(label, marker)) is not None:
-            yield _Choice(label, CONFIDENCE[reason], reason or "the same name", "name")
-
-
-def _assign(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
-    """The surest offers first; no label is used twice. Of two equally sure ones, the first, less sure."""
+    # The surest offers first; no label is used twice. Of two equally sure ones, the first, less sure.
     taken: dict[str, _Choice] = {}
-    used: set[str] = set()
+    given: set[str] = set()
     order = sorted(offers, key=lambda m: -max((c.confidence for c in offers[m]), default=0.0))
     for marker in order:
-        free = sorted((c for c in offers[marker] if c.label not in used), key=lambda c: -c.confidence)
+        free = sorted((c for c in offers[marker] if c.label not in given), key=lambda c: -c.confidence)
         if not free:
             continue
         best = free[0]
@@ -120,37 +85,50 @@ def _assign(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
             why = f"{best.why}, but {' and '.join(rivals)} would fit as well"
             best = _Choice(best.label, AMBIGUOUS, why, best.source)
         taken[marker] = best
-        used.add(best.label)
-    return taken
-
-
-def _by_place(missing: Sequence[str], used: set[str], who: Identification) -> dict[str, _Choice]:
-    """Labels that lie where a landmark is that sizes are measured by, whatever they are called.
-
-    Others follow their segment as the standing trial shows them: a heel's marker may be anywhere on the heel.
-    """
+        given.add(best.label)
+    # Labels that lie where a landmark is that sizes are measured by, whatever they are called. Others
+    # follow their segment as the standing trial shows them: a heel's marker may be anywhere on the heel.
+    missing = [m for m in wanted if m not in taken]
+    placed = {c.label for c in taken.values()}
     landmarks = {
         name: marker
         for marker in missing
-        if (name := find_canonical(marker)) is not None and name[1:] in MEASURED
+        if (name := anatomy_markers.find_canonical(marker)) is not None and name[1:] in MEASURED
     }
-    return {
+    taken |= {
         landmarks[one.landmark]: _Choice(one.label, one.at_landmark, f"{one.why}: check it", "place")
         for one in who.labels.values()
-        if one.landmark in landmarks and one.label not in used
+        if one.landmark in landmarks and one.label not in placed
     }
+    used = {choice.label for choice in taken.values()}
+    unused = [label for label in labels if label not in used]
+    entries = [_make_entry(model, marker, taken.get(marker), offers[marker], trials) for marker in wanted]
+    return entries, unused
+
+
+def _by_name(
+    marker: str, labels: abc.Sequence[str], document: abc.Mapping[str, str], laboratory: abc.Mapping[str, str]
+) -> abc.Iterator[_Choice]:
+    for label in labels:
+        plain = anatomy_markers.strip_prefix(label)
+        if document.get(marker) in (label, plain):
+            yield _Choice(label, 1.0, "as the subject's document says", "document")
+        elif laboratory.get(label, laboratory.get(plain)) == marker:
+            yield _Choice(label, 0.99, "as the laboratory's map says", "laboratory")
+        elif (reason := anatomy_markers.describe_likeness(label, marker)) is not None:
+            yield _Choice(label, CONFIDENCE[reason], reason or "the same name", "name")
 
 
 def _make_entry(
     model: BodyModel,
     name: str,
     choice: _Choice | None,
-    offers: Sequence[_Choice],
-    trials: Mapping[str, Trial],
-) -> MarkerProof:
+    offers: abc.Sequence[_Choice],
+    trials: abc.Mapping[str, Trial],
+) -> documents.MarkerProof:
     marker = model.marker(name)
     others = [o for o in offers if choice is None or o.label != choice.label]
-    return MarkerProof.model_validate(
+    return documents.MarkerProof.model_validate(
         {
             "marker": name,
             "segment": marker.segment,
@@ -161,80 +139,94 @@ def _make_entry(
             "source": None if choice is None else choice.source,
             "recordings": [n for n, t in trials.items() if choice is not None and choice.label in t.labels],
             "others": [
-                Candidate(label=o.label, confidence=o.confidence, why=o.why) for o in others[:_MOST_OTHERS]
+                documents.Candidate(label=o.label, confidence=o.confidence, why=o.why)
+                for o in others[:_MOST_OTHERS]
             ],
         }
     )
 
 
 def identify_labels(
-    trials: Mapping[str, Trial],
+    trials: abc.Mapping[str, Trial],
     static: str | None,
     stature: float | None,
-    document: Mapping[str, str],
-    laboratory: Mapping[str, str],
-) -> Identification:
+    document: abc.Mapping[str, str],
+    laboratory: abc.Mapping[str, str],
+) -> identifying.Identification:
     """What geometry tells of the labels; known names, and what somebody mapped, are taken for granted.
 
     ``document``: model marker to label. ``laboratory``: label to model marker.
     """
     standing = trials.get(static or "")
     if standing is None:
-        return identify(None, ())
+        return identifying.identify(None, ())
     mapped = {label: marker for marker, label in document.items()} | dict(laboratory)
     told: dict[str, str] = {}
     for label in standing.labels:
-        marker = mapped.get(label, mapped.get(strip_prefix(label), label))
-        landmark = find_canonical(marker)
-        if landmark is not None and landmark not in told.values() and not is_computed(strip_prefix(label)):
+        marker = mapped.get(label, mapped.get(anatomy_markers.strip_prefix(label), label))
+        landmark = anatomy_markers.find_canonical(marker)
+        if (
+            landmark is not None
+            and landmark not in told.values()
+            and not anatomy_markers.is_computed(anatomy_markers.strip_prefix(label))
+        ):
             told[label] = landmark
-    return identify(
+    return identifying.identify(
         standing, [t for name, t in trials.items() if name != static], stature=stature, landmarks=told
     )
 
 
-def assign_extra_markers(unused: Sequence[str], who: Identification, model: BodyModel) -> list[ExtraMarker]:
+def assign_extra_markers(
+    unused: abc.Sequence[str], who: identifying.Identification, model: BodyModel
+) -> list[documents.ExtraMarker]:
     """The segment of each further label: as its marker set says, else as geometry tells.
 
     ``unused``: labels that no marker took; points that software computed are left out.
     """
     known = marker_sets.assign_tracking_segments(unused, model)
+    # A model's own segment for one of the whole body; None where it has none of that name.
     return [
-        ExtraMarker(
+        documents.ExtraMarker(
             label=label,
-            segment=known.get(label) or (None if found is None else _find_own(model, found.segment)),
+            segment=known.get(label)
+            or (
+                None
+                if found is None
+                else next((s for s in model.segment_names if found.segment in (s, model.bone_of(s))), None)
+            ),
             confidence=1.0 if label in known else 0.0 if found is None else round(found.confidence, 3),
             why="as its marker set says" if label in known else "" if found is None else found.why,
         )
         for label in unused
-        if not is_computed(label) and not is_unlabelled(label)
+        if not anatomy_markers.is_computed(label) and not is_unlabelled(label)
         for found in (who.labels.get(label),)
     ]
 
 
-def find_sacral_label(markers: Sequence[MarkerProof], who: Identification) -> dict[str, str]:
+def find_sacral_label(
+    markers: abc.Sequence[documents.MarkerProof], who: identifying.Identification
+) -> dict[str, str]:
     """The sacral marker to its label, where that stands for both PSIS and its name does not say so."""
-    if any(m.label is not None for m in markers if find_canonical(m.marker) in ("RPSIS", "LPSIS")):
+    if any(
+        m.label is not None for m in markers if anatomy_markers.find_canonical(m.marker) in ("RPSIS", "LPSIS")
+    ):
         return {}
     sacral = (
         one.label
         for one in who.labels.values()
-        if one.landmark == SACRUM and one.at_landmark > SURE and find_canonical(one.label) != SACRUM
+        if one.landmark == anatomy_markers.SACRUM
+        and one.at_landmark > SURE
+        and anatomy_markers.find_canonical(one.label) != anatomy_markers.SACRUM
     )
-    return {SACRUM: label for label in sacral}  # noqa: B035 (one label lies there at most)
-
-
-def _find_own(model: BodyModel, segment: str | None) -> str | None:
-    """A model's own segment for one of the whole body; None where it has none of that name."""
-    return next((s for s in model.segment_names if segment in (s, model.bone_of(s))), None)
+    return {anatomy_markers.SACRUM: label for label in sacral}  # noqa: B035 (one label lies there at most)
 
 
 def with_extra_markers(
-    proposed: Mapping[str, Any],
+    proposed: abc.Mapping[str, Any],
     model: BodyModel,
-    markers: Sequence[MarkerProof],
-    extra: Sequence[ExtraMarker],
-    trials: Mapping[str, Trial],
+    markers: abc.Sequence[documents.MarkerProof],
+    extra: abc.Sequence[documents.ExtraMarker],
+    trials: abc.Mapping[str, Trial],
 ) -> dict[str, Any]:
     """A subject document with tracking markers, where it names none itself.
 
@@ -247,7 +239,12 @@ def with_extra_markers(
     static = trials.get(str(proposed["trials"].get("static")))
     if proposed.get("extra_markers") or static is None:
         return dict(proposed)
-    others = [t for file, t in trials.items() if t is not static and _is_named(file, proposed)]
+    others = [
+        t
+        for file, t in trials.items()
+        if t is not static
+        and any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
+    ]
     moving = set(static.shown_labels) & {label for trial in others for label in trial.shown_labels}
     known = marker_sets.assign_tracking_segments([e.label for e in extra if e.label in moving], model)
     shown = Counter([m.segment for m in markers if m.label in moving] + list(known.values()))
@@ -258,12 +255,8 @@ def with_extra_markers(
         and e.label in moving
         and (e.label in known or (shown[e.segment] < FEWEST and e.confidence > SURE))
     }
-    renamed = {strip_prefix(label): segment for label, segment in found.items()}
+    renamed = {anatomy_markers.strip_prefix(label): segment for label, segment in found.items()}
     return {**proposed, **({"extra_markers": renamed} if renamed else {})}
-
-
-def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
-    return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
 def guess_segment(label: str) -> str | None:
@@ -274,17 +267,17 @@ def guess_segment(label: str) -> str | None:
     >>> guess_segment("RTHI"), guess_segment("S01:L_tib2"), guess_segment("C7")
     ('femur_r', 'tibia_l', None)
     """
-    plain = strip_prefix(label).upper()
+    plain = anatomy_markers.strip_prefix(label).upper()
     segment = next((name for name, pattern in _SAID if pattern.search(plain)), None)
     return f"{segment}_{plain[0].lower()}" if segment is not None and plain[0] in "RL" else None
 
 
-def check_marker_set(labels: Sequence[str]) -> MarkerSetProof | None:
+def check_marker_set(labels: abc.Sequence[str]) -> documents.MarkerSetProof | None:
     """The set that all labels together are closest to."""
     found = marker_sets.recognise(labels)
     if found is None:
         return None
-    return MarkerSetProof(
+    return documents.MarkerSetProof(
         name=found.name,
         title=found.title,
         share=round(found.share, 3),
@@ -293,12 +286,12 @@ def check_marker_set(labels: Sequence[str]) -> MarkerSetProof | None:
     )
 
 
-def describe_consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[str]:
+def describe_consequences(labels: abc.Sequence[str], sizes: documents.SizesProof) -> abc.Iterator[str]:
     """What landmarks that are missing mean for scaling.
 
     ``labels``: of all recordings.
     """
-    there = {find_canonical(label) for label in labels}
+    there = {anatomy_markers.find_canonical(label) for label in labels}
     if "SACR" in there and not {"RPSIS", "LPSIS"} <= there:
         yield (
             "SACR instead of two PSIS markers: it stands for the point half-way between them; "
@@ -334,7 +327,9 @@ def describe_consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[
         yield "EB and EB_am take the knee's centre and axis from the bones, where there are any"
 
 
-def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identification) -> tuple[str, str]:
+def choose_model(
+    movements: abc.Sequence[abc.Sequence[str]], forces: bool, who: identifying.Identification
+) -> tuple[str, str]:
     """A built-in model and why.
 
     ``movements``: labels that are seen in each movement; those of standing where there is none. ``forces``:
@@ -346,7 +341,12 @@ def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identifi
         if one.landmark is not None and one.landmark[1:] in MEASURED and one.at_landmark > SURE
     }
     known = [
-        {names.get(label) or find_canonical(label) or strip_prefix(label).upper() for label in labels}
+        {
+            names.get(label)
+            or anatomy_markers.find_canonical(label)
+            or anatomy_markers.strip_prefix(label).upper()
+            for label in labels
+        }
         for labels in movements
     ]
     common = set.intersection(*known) if known else set()

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from typing import Any
 
-from scaling_service.capabilities.intake import standing
-from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
-from scaling_service.capabilities.intake.files import InputFile, RecordingFile, map_files
-from scaling_service.capabilities.intake.tables import WALKED_M, measure_walk
+from scaling_service.capabilities.intake import files as intake_files
+from scaling_service.capabilities.intake import result as documents
+from scaling_service.capabilities.intake import standing, tables
 from scaling_service.core.text import list_few
-from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
+from scaling_service.documents import subject
+from scaling_service.model import trial
 from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import MeasuredSizes, merge
 
 TIMES_S, LONGER_S = 0.1, 1.0
 """Chosen: forces may begin and end this much later and earlier than the markers (other clocks, rounding), and
@@ -41,19 +40,19 @@ _LISTS = ("trials.calibration", "trials.evaluation")
 _DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
-def choose_static(roles: Mapping[str, tuple[str, str]]) -> str | None:
+def choose_static(roles: abc.Mapping[str, tuple[str, str]]) -> str | None:
     """The file of standing."""
     return next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
 
 
-def assign_recordings(found: Sequence[InputFile]) -> Roles:
+def assign_recordings(found: abc.Sequence[intake_files.InputFile]) -> Roles:
     """Standing, movements to fit, movements to judge.
 
     The markers show who stands still. Of the movements, names tell which serve for what. Without a
     movement to fit, all walks but the first serve for that; without one to judge, the first of those whose
     names say nothing does, a walk before others, if another is left to fit.
     """
-    recordings = [f.content for f in found if isinstance(f.content, RecordingFile)]
+    recordings = [f.content for f in found if isinstance(f.content, intake_files.RecordingFile)]
     still = standing.rank_standing(recordings)
     roles: Roles = {s.file: ("trials.static", _explain_choice(still)) for s in still[:1]}
     quiet = {s.file for s in still}
@@ -65,13 +64,15 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
         for file in held_out[1:] or held_out:
             roles[file] = ("trials.calibration", "there is no other movement to fit")
     elif not held_out and unnamed and len(moves) > 1:
-        walks = {item.file for item in recordings if measure_walk(item.trial, item.axes) >= WALKED_M}
+        walks = {
+            item.file for item in recordings if tables.measure_walk(item.trial, item.axes) >= tables.WALKED_M
+        }
         chosen = next((file for file in unnamed if file in walks), unnamed[0])
         roles[chosen] = ("trials.evaluation", "one movement must be left to judge by")
     return roles
 
 
-def _explain_choice(still: Sequence[standing.Standing]) -> str:
+def _explain_choice(still: abc.Sequence[standing.Standing]) -> str:
     """Why the first of those that stand still was taken."""
     best, *others = still
     alike = [s.file for s in others if s.merit == best.merit]
@@ -90,7 +91,9 @@ def _by_name(name: str) -> tuple[str | None, str]:
     return None, f"its name says {still}, but nobody stands still" if still else "a movement of no known name"
 
 
-def assign_forces(found: Sequence[InputFile], roles: Mapping[str, tuple[str, str]]) -> Roles:
+def assign_forces(
+    found: abc.Sequence[intake_files.InputFile], roles: abc.Mapping[str, tuple[str, str]]
+) -> Roles:
     """Files of forces to the movements that they were recorded with.
 
     A file that covers a recording's time comes before one that does not; then names count by what they have
@@ -99,7 +102,7 @@ def assign_forces(found: Sequence[InputFile], roles: Mapping[str, tuple[str, str
     static = choose_static(roles)
     bare = [
         item
-        for item in (f.content for f in found if isinstance(f.content, RecordingFile))
+        for item in (f.content for f in found if isinstance(f.content, intake_files.RecordingFile))
         if item.forces is None and item.file in roles and item.file != static
     ]
     scores = {
@@ -127,7 +130,7 @@ def assign_forces(found: Sequence[InputFile], roles: Mapping[str, tuple[str, str
     return taken
 
 
-def _is_covered(forces: GroundForces, item: RecordingFile) -> bool:
+def _is_covered(forces: GroundForces, item: intake_files.RecordingFile) -> bool:
     """Whether forces last as long as a recording, both from about the same time."""
     times = item.trial.times
     late = forces.times[0] - times[0]
@@ -145,7 +148,7 @@ def _split_name(name: str) -> set[str]:
     return set(re.findall(r"[a-z]+|\d+", name.rpartition(".")[0].lower()))
 
 
-def assign_bones(found: Sequence[InputFile]) -> Roles:
+def assign_bones(found: abc.Sequence[intake_files.InputFile]) -> Roles:
     """Surfaces whose names say which bone they are; a bone that two files claim is left to the user.
 
     So is a talus without its tibia, beside which alone its trochlea can be told. A segmentation counts where
@@ -181,7 +184,9 @@ def recognise_bone(name: str) -> str | None:
     return None if right == left else f"{bone}_{'r' if right else 'l'}"
 
 
-def assign_others(found: Sequence[InputFile], imaged: bool) -> Iterator[tuple[str, tuple[str, str]]]:
+def assign_others(
+    found: abc.Sequence[intake_files.InputFile], imaged: bool
+) -> abc.Iterator[tuple[str, tuple[str, str]]]:
     """Model, marker set, scale set-up and image markers, each where there is only one to choose.
 
     ``imaged``: whether there are bones, which go with built-in models only.
@@ -206,13 +211,13 @@ def assign_others(found: Sequence[InputFile], imaged: bool) -> Iterator[tuple[st
 
 
 def _choose_setup(
-    setups: Sequence[InputFile], found: Sequence[InputFile]
-) -> Iterator[tuple[str, tuple[str, str]]]:
+    setups: abc.Sequence[intake_files.InputFile], found: abc.Sequence[intake_files.InputFile]
+) -> abc.Iterator[tuple[str, tuple[str, str]]]:
     """The scale set-up; of several the one whose markers the recordings show."""
     if len(setups) < 2:
         yield from ((f.name, ("scale_setup", "the only one")) for f in setups)
         return
-    recorded = [f.content for f in found if isinstance(f.content, RecordingFile)]
+    recorded = [f.content for f in found if isinstance(f.content, intake_files.RecordingFile)]
     shown = {name for r in recorded for label in r.trial.labels for name in (label, strip_prefix(label))}
     lacking = {f.name: sorted(f.asks - shown) for f in setups if f.usable and f.asks}
     fitting = [name for name, lost in lacking.items() if not lost]
@@ -221,7 +226,7 @@ def _choose_setup(
         yield fitting[0], ("scale_setup", f"its markers are in the recordings; {'; '.join(others)}")
 
 
-def list_named_files(document: Mapping[str, Any]) -> dict[str, str]:
+def list_named_files(document: abc.Mapping[str, Any]) -> dict[str, str]:
     """Place to the file that stands there, in a document that need not be whole.
 
     Examples
@@ -231,11 +236,11 @@ def list_named_files(document: Mapping[str, Any]) -> dict[str, str]:
     {'trials.static': 'a.trc', 'trials.calibration.0': 'b.trc', 'forces.b.trc': 'b.mot'}
     """
     found: dict[str, str] = {}
-    map_files(document, lambda place, name: found.setdefault(place, name))
+    intake_files.map_files(document, lambda place, name: found.setdefault(place, name))
     return found
 
 
-def assign_roles(found: Sequence[InputFile], document: Mapping[str, Any]) -> Roles:
+def assign_roles(found: abc.Sequence[intake_files.InputFile], document: abc.Mapping[str, Any]) -> Roles:
     """Places of files: as the document has them, else as proposed; parts that it has are left as they are."""
     roles: Roles = {}
     for place, file in list_named_files(document).items():
@@ -257,11 +262,11 @@ def assign_roles(found: Sequence[InputFile], document: Mapping[str, Any]) -> Rol
 
 
 def propose_subject(
-    document: Mapping[str, Any],
-    found: Sequence[InputFile],
+    document: abc.Mapping[str, Any],
+    found: abc.Sequence[intake_files.InputFile],
     roles: Roles,
     model: str,
-    markers: Mapping[str, str],
+    markers: abc.Mapping[str, str],
 ) -> dict[str, Any] | None:
     """The document with what was proposed; None where there is no recording to use.
 
@@ -292,35 +297,38 @@ def propose_subject(
             role.partition(".")[2]: files[0] for role, files in places.items() if role.startswith(f"{part}.")
         }
         if given and not content.get(part):
-            content[part] = given | ({"units": _find_unit(found, given.values())} if part == "bones" else {})
+            content[part] = given
+            if part == "bones":
+                units = [str(f.content) for f in found if f.name in given.values() and f.kind == "mesh"]
+                content[part] = given | {"units": max(units, key=units.count, default="mm")}
     if markers:
         content["markers"] = dict(markers)
     return content
 
 
-def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
+def order_keys(document: abc.Mapping[str, Any]) -> dict[str, Any]:
     """A subject document with its parts in the order in which they are described."""
-    return {key: document[key] for key in SubjectDocument.model_fields if key in document}
+    return {key: document[key] for key in subject.SubjectDocument.model_fields if key in document}
 
 
-def _find_unit(found: Sequence[InputFile], files: Any) -> str:
-    units = [str(f.content) for f in found if f.name in set(files) and f.kind == "mesh"]
-    return max(units, key=units.count, default="mm")
-
-
-def check_sizes(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:
+def check_sizes(
+    known: abc.Mapping[str, Any], stated: abc.Mapping[str, trial.MeasuredSizes]
+) -> documents.SizesProof:
     """Sizes as the document states them, else as the files do.
 
     ``known``: the subject's document, which need not be whole. ``stated``: file to the sizes in it.
     """
     person = known.get("subject") or {}
-    own = MeasuredSizes(
+    own = trial.MeasuredSizes(
         person.get("height_m"),
         person.get("mass_kg"),
-        {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in (known.get("sizes") or {}).items()},
+        {
+            name.removesuffix(subject.SIZE_UNIT): value * 1e-3
+            for name, value in (known.get("sizes") or {}).items()
+        },
     )
-    found = own.or_else(merge(stated.values()))
-    return SizesProof(
+    found = own.or_else(trial.merge(stated.values()))
+    return documents.SizesProof(
         height_m=_round_size(found.height_m),
         mass_kg=_round_size(found.mass_kg),
         sex=person.get("sex"),
@@ -333,11 +341,11 @@ def _round_size(value: float | None) -> float | None:
     return None if value is None else round(value, _DECIMALS)
 
 
-def with_sizes(proposed: Mapping[str, Any], sizes: SizesProof) -> dict[str, Any]:
+def with_sizes(proposed: abc.Mapping[str, Any], sizes: documents.SizesProof) -> dict[str, Any]:
     """A subject document with what is known of the person; what it states already stays."""
     stated = {"height_m": sizes.height_m, "mass_kg": sizes.mass_kg}
     person = {key: value for key, value in stated.items() if value is not None}
-    by_hand = {f"{name}{SIZE_UNIT}": value for name, value in sizes.sizes_mm.items()}
+    by_hand = {f"{name}{subject.SIZE_UNIT}": value for name, value in sizes.sizes_mm.items()}
     whole = {
         **proposed,
         "subject": {
@@ -348,12 +356,12 @@ def with_sizes(proposed: Mapping[str, Any], sizes: SizesProof) -> dict[str, Any]
     return whole | ({"sizes": by_hand | dict(proposed.get("sizes") or {})} if by_hand else {})
 
 
-def ask_for_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
+def ask_for_person(sizes: documents.SizesProof) -> abc.Iterator[documents.ProblemEntry]:
     """One question for all of height, mass and sex that is not known."""
     values = {"height_m": sizes.height_m, "mass_kg": sizes.mass_kg, "sex": sizes.sex}
     missing = [name for name, value in values.items() if value is None]
     if missing == ["sex"]:
-        yield ProblemEntry(
+        yield documents.ProblemEntry(
             severity="note",
             field="subject.sex",
             problem="the person's sex is not known: inertia is taken as the mean of women's and men's",
@@ -364,7 +372,7 @@ def ask_for_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
         words = {"height_m": "height", "mass_kg": "mass", "sex": "sex"}
         example = {"height_m": "1.70", "mass_kg": "62.0", "sex": "F or M"}
         given = ", ".join(f"{name}: {example[name]}" for name in missing)
-        yield ProblemEntry(
+        yield documents.ProblemEntry(
             severity="warning",
             field="subject",
             problem=f"{_list_in_words([words[name] for name in missing])} of the person {are} not known, "
@@ -373,5 +381,5 @@ def ask_for_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
         )
 
 
-def _list_in_words(names: Sequence[str]) -> str:
+def _list_in_words(names: abc.Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

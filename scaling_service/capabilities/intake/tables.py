@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.intake import document
-from scaling_service.capabilities.intake.files import RecordingFile, make_axes_entry, make_problem
+from scaling_service.capabilities.intake import files as intake_files
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.documents.base import ArrayEntry, PlateEntry
+from scaling_service.documents import base
 from scaling_service.files import table_files
+from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.anatomy.markers import is_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
-from scaling_service.recording.orientation import Orientation, apply
+from scaling_service.recording import orientation
 
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
@@ -42,6 +44,7 @@ STEADY = 0.3
 
 BRIEF_S = 0.05  # chosen: briefer loads are knocks
 RESTS_M_S = 0.3  # chosen: a standing foot stays below, skin included; a swinging one reaches 3 to 4
+SAME_S = 0.1  # chosen: events of one foot nearer than this are one; a step takes four times as long
 _BOTH = 0.3  # chosen: share of a contact that a foot must be there
 _FEWEST = 10  # frames that tell an offset
 
@@ -57,25 +60,30 @@ class Ground:
 
 
 def check_recording(
-    item: RecordingFile,
-    axes: Orientation,
+    item: intake_files.RecordingFile,
+    axes: orientation.Orientation,
     ground: Ground | None,
     given: tuple[str | None, str | None],
     files: table_files.ArrayFiles,
-) -> tuple[document.RecordingProof, Trial]:
+    *,
+    events_given: bool,
+) -> tuple[documents.RecordingProof, Trial]:
     """One recording as it travels, its tables written, and the recording in the session's axes.
 
     ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
-    given. Raises InputError: the unit of its positions cannot be told.
+    given. ``events_given``: whether the document says its events.
+
+    Raises InputError: the unit of its positions cannot be told.
     """
-    trial = apply(axes, item.trial)
+    trial = orientation.apply(axes, item.trial)
     turned, problems = _turn(ground, axes)
     distance, direction = _walk(trial)
-    plates: list[PlateEntry] = []
+    plates: list[base.PlateEntry] = []
+    contacts: list[Contact] = []
     force = pressure = None
     if turned is not None:
-        force, pressure, plates = _of_forces(turned, item, axes, trial, files)
-    entry = document.RecordingProof(
+        force, pressure, plates, contacts = _of_forces(turned, item, axes, trial, files)
+    entry = documents.RecordingProof(
         name=trial.name,
         file=item.file,
         format=item.file.rpartition(".")[2].upper(),
@@ -83,17 +91,18 @@ def check_recording(
         rate_hz=trial.rate_hz,
         frames=trial.n_frames,
         start_s=float(trial.times[0]),
-        axes=make_axes_entry(item.axes, *given),
+        axes=intake_files.make_axes_entry(item.axes, *given),
         walked_m=round(distance, 3),
         direction=direction,
         labels=[_label(trial, k) for k in range(len(trial.labels))],
         markers=files.write(f"{item.file}.markers", trial.markers, "m"),
         plates=plates,
+        events=list_events(trial, contacts, given=events_given),
         forces_from=None if ground is None or turned is None else ground.source,
         force=force,
         centre_of_pressure=pressure,
         repairs=[
-            document.RepairEntry.model_validate(repair, from_attributes=True)
+            documents.RepairEntry.model_validate(repair, from_attributes=True)
             for repair in (*trial.repairs, *(() if turned is None else turned.repairs))
         ],
         problems=[*item.problems, *problems],
@@ -102,21 +111,28 @@ def check_recording(
 
 
 def _turn(
-    ground: Ground | None, axes: Orientation
-) -> tuple[GroundForces | None, list[document.ProblemEntry]]:
+    ground: Ground | None, axes: orientation.Orientation
+) -> tuple[GroundForces | None, list[documents.ProblemEntry]]:
     """Forces in our axes, or why they cannot be had."""
     if ground is None:
         return None, []
     try:
         return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
-        return None, [make_problem(error, "warning", ground.source)]
+        return None, [intake_files.make_problem(error, "warning", ground.source)]
 
 
 def _of_forces(
-    forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: table_files.ArrayFiles
-) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
-    """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
+    forces: GroundForces,
+    item: intake_files.RecordingFile,
+    axes: orientation.Orientation,
+    trial: Trial,
+    files: table_files.ArrayFiles,
+) -> tuple[base.ArrayEntry, base.ArrayEntry, list[base.PlateEntry], list[Contact]]:
+    """Tables of force and pressure, plates, and who stood on them.
+
+    Corners and types are known of the recording's own plates only.
+    """
     ground = forces.change(
         times=trial.times,
         force=table_files.sample_at(forces.times, forces.force, trial.times),
@@ -126,18 +142,62 @@ def _of_forces(
     own = item.corners if len(item.plates) == len(forces.plates) else None
     entries = table_files.list_plates(forces, None if own is None else axes.rotate(own))
     kinds = () if own is None else tuple(plate.kind for plate in item.plates)
+    described, contacts = describe_plates(entries, ground, trial, kinds)
     return (
         files.write(f"{item.file}.force", ground.force, "N"),
         files.write(f"{item.file}.pressure", ground.centre_of_pressure(), "m"),
-        describe_plates(entries, ground, trial, kinds),
+        described,
+        contacts,
     )
 
 
-def _label(trial: Trial, column: int) -> document.LabelEntry:
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A plate is loaded from the frame ``start`` up to ``stop``, by the feet of these sides."""
+
+    start: int
+    stop: int
+    who: tuple[str, ...]
+
+
+_Kind = Literal["strike", "off"]
+
+
+def list_events(trial: Trial, contacts: Sequence[Contact], *, given: bool) -> list[documents.EventProof]:
+    """The recording's events of gait by time; those of plates where nobody else says when that is.
+
+    A contact that one foot alone makes begins and ends with an event, unless the recording does.
+    """
+    said = [
+        documents.EventProof(
+            side=event.side,
+            kind=event.kind,
+            time_s=round(event.time_s, 4),
+            source="document" if given else "file",
+        )
+        for event in trial.events
+    ]
+    found = list(said)
+    for contact in () if given else contacts:
+        ends: tuple[tuple[_Kind, int], ...] = (("strike", contact.start), ("off", contact.stop))
+        for side in SIDES:
+            for kind, frame in ends:
+                if contact.who != (side,) or not 0 < frame < trial.n_frames:
+                    continue
+                at = float(trial.times[frame])
+                known = [one for one in said if (one.side, one.kind) == (side, kind)]
+                if all(abs(one.time_s - at) > SAME_S for one in known):
+                    found.append(
+                        documents.EventProof(side=side, kind=kind, time_s=round(at, 4), source="plates")
+                    )
+    return sorted(found, key=lambda one: one.time_s)
+
+
+def _label(trial: Trial, column: int) -> documents.LabelEntry:
     shown = find_seen(trial.markers[:, column])
     gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
     longest = max((last - first + 1 for first, last in gaps), default=0)
-    return document.LabelEntry(
+    return documents.LabelEntry(
         label=trial.labels[column],
         seen=round(float(shown.mean()), 4),
         gaps=gaps,
@@ -146,9 +206,9 @@ def _label(trial: Trial, column: int) -> document.LabelEntry:
     )
 
 
-def measure_walk(trial: Trial, axes: Orientation) -> float:
+def measure_walk(trial: Trial, axes: orientation.Orientation) -> float:
     """How far the markers' middle went over the floor from first to last frame, m."""
-    return _walk(apply(axes, trial))[0]
+    return _walk(orientation.apply(axes, trial))[0]
 
 
 def _walk(trial: Trial) -> tuple[float, Vector | None]:
@@ -166,8 +226,8 @@ def _walk(trial: Trial) -> tuple[float, Vector | None]:
 
 
 def describe_plates(
-    entries: list[PlateEntry], forces: GroundForces, trial: Trial, kinds: tuple[int, ...]
-) -> list[PlateEntry]:
+    entries: list[base.PlateEntry], forces: GroundForces, trial: Trial, kinds: tuple[int, ...]
+) -> tuple[list[base.PlateEntry], list[Contact]]:
     """Plates with type, place, who stood on them and when, and their offset.
 
     ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:
@@ -183,6 +243,7 @@ def describe_plates(
             feet[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
     centre, pressing = forces.centre_of_pressure(), forces.pressing
     described = []
+    contacts: list[Contact] = []
     for k, entry in enumerate(entries):
         place = forces.surfaces[k] if entry.corners_m is None else np.mean(entry.corners_m, axis=0)
         away = {side: _measure_distance(foot, centre[:, k]) for side, foot in feet.items()}
@@ -191,34 +252,34 @@ def describe_plates(
         near = [distance < NEAR_M for distance in away.values()]
         if entry.corners_m is not None:
             low, high = (f(np.asarray(entry.corners_m)[:, [0, 2]], axis=0) for f in (np.min, np.max))
-            near += [_is_over_plate(foot, low, high) for foot in feet.values()]
+            for foot in feet.values():
+                # Frames in which a marker of a foot is over a plate, between its ends along x and z, or
+                # beside it
+                with np.errstate(invalid="ignore"):
+                    beside = np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2))
+                near.append(np.asarray(beside.any(axis=1)))
             stands = {
                 side: stands[side] | _is_at_rest(foot, low, high, trial.rate_hz)
                 for side, foot in feet.items()
             }
         offset = _measure_offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
         loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
+        own = _list_contacts(loaded, stands, trial) if feet else []
+        contacts += own
         changes = {
             "kind": kinds[k] if k < len(kinds) else None,
             "centre_m": [round(float(v), 3) for v in place],
-            "loaded_by": _describe_loads(loaded, stands, trial) if feet else [],
+            "loaded_by": [_describe_contact(one, trial) for one in own],
             "offset_N": offset,
         }
         described.append(entry.model_copy(update=changes))
-    return described
+    return described, contacts
 
 
 def _measure_distance(foot: Array, centre: Array) -> Array:
     """From the pressure to the nearest marker of a foot over the floor, m; infinite where there is none."""
     away = np.linalg.norm(foot - centre[:, None, [0, 2]], axis=2)
     return np.asarray(np.where(np.isfinite(away), away, np.inf).min(axis=1))
-
-
-def _is_over_plate(foot: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Frames in which a marker of a foot is over a plate, between its ends along x and z, or beside it."""
-    with np.errstate(invalid="ignore"):
-        beside = np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2))
-    return np.asarray(beside.any(axis=1))
 
 
 def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray[np.bool_]:
@@ -232,17 +293,23 @@ def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray
     return np.asarray(over & (speed < RESTS_M_S))
 
 
-def _describe_loads(
+def _list_contacts(
     loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial
-) -> list[str]:
-    """Each contact with who makes it."""
-    contacts = []
-    for start, stop in find_runs(loaded):
-        if stop - start < BRIEF_S * trial.rate_hz:
-            continue
-        who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or ["nobody"]
-        contacts.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
-    return contacts
+) -> list[Contact]:
+    return [
+        Contact(
+            int(start),
+            int(stop),
+            tuple(side for side, on in stands.items() if on[start:stop].mean() > _BOTH),
+        )
+        for start, stop in find_runs(loaded)
+        if stop - start >= BRIEF_S * trial.rate_hz
+    ]
+
+
+def _describe_contact(contact: Contact, trial: Trial) -> str:
+    who = " and ".join(_FEET[side] for side in contact.who) or "nobody"
+    return f"{who} {trial.times[contact.start]:.2f}–{trial.times[contact.stop - 1]:.2f} s"
 
 
 def _measure_offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 
-from scaling_service.capabilities.intake import document
+from scaling_service.capabilities.intake import result as documents
+from scaling_service.capabilities.intake import standing
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
-from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis
 from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial, is_unlabelled
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import Exchange
 from scaling_service.recording.findings import Finding
 from scaling_service.recording.identity.identify import MOST_LABELS
-from scaling_service.recording.plausibility import find_unlabelled
+from scaling_service.recording.plausibility import Unlabelled, find_unlabelled
 
-Roles = Mapping[str, tuple[str, str]]
+Roles = abc.Mapping[str, tuple[str, str]]
 
 _REPAIRS = {
     "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
@@ -30,8 +31,8 @@ _LATE_S = 0.1  # chosen: other clocks and rounding
 
 
 def check_standing(
-    roles: Roles, trials: Mapping[str, Trial], *, wanted: bool
-) -> Iterator[document.ProblemEntry]:
+    roles: Roles, trials: abc.Mapping[str, Trial], *, wanted: bool
+) -> abc.Iterator[documents.ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
 
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
@@ -48,8 +49,8 @@ def check_standing(
         )
     if static is None or static not in trials:
         return
-    ratio = compare_pelvis(trials[static], list(moving.values()))
-    if abs(ratio - 1.0) > ANOTHER_PELVIS:
+    ratio = standing.compare_pelvis(trials[static], list(moving.values()))
+    if abs(ratio - 1.0) > standing.ANOTHER_PELVIS:
         size = "wider" if ratio > 1.0 else "narrower"
         yield _make_warning(
             f"the pelvis is {abs(ratio - 1.0):.0%} {size} than in the movements: it was recorded on another "
@@ -61,7 +62,7 @@ def check_standing(
         )
 
 
-def check_units(recordings: Sequence[RecordingFile]) -> Iterator[document.ProblemEntry]:
+def check_units(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[documents.ProblemEntry]:
     """Recordings whose unit of length cannot be true."""
     for item in recordings:
         for repair in (r for r in item.axes.repairs if r.what == "unit"):
@@ -71,7 +72,7 @@ def check_units(recordings: Sequence[RecordingFile]) -> Iterator[document.Proble
             yield _make_warning(repair.detail, remedy, file=item.file, field="Units")
 
 
-def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[document.ProblemEntry]:
+def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[documents.ProblemEntry]:
     """More labels than a person carries; trajectories without one, with the markers whose gaps they fill."""
     for item in recordings:
         named = sum(not is_unlabelled(label) for label in item.trial.labels)
@@ -89,14 +90,27 @@ def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[document.Probl
             count = "a trajectory has" if len(found) == 1 else f"{len(found)} trajectories have"
             yield _make_warning(
                 f"{count} no label: {names}{f'; {list_few(filling)}' if filling else ''}",
-                "Label them in the recording where they fill gaps; else nothing is to be done",
+                "Label them where they fill gaps; else nothing is to be done",
                 file=item.file,
+                corrections=[_fill(item, n) for n in found if n.fills is not None],
             )
 
 
+def _fill(item: RecordingFile, found: Unlabelled) -> documents.CorrectionEntry:
+    """The trajectory that nobody labelled, as the marker whose gaps it fills."""
+    trial = item.trial.with_unlabelled()
+    seen = trial.times[find_seen(trial.position(found.label))]
+    return documents.CorrectionEntry(
+        file=item.file,
+        labels={found.label: found.fills or ""},
+        from_s=round(float(seen[0]), 4),
+        to_s=round(float(seen[-1]), 4),
+    )
+
+
 def tell_findings(
-    findings: Sequence[Finding], trials: Mapping[str, Trial]
-) -> Iterator[document.ProblemEntry]:
+    findings: abc.Sequence[Finding], trials: abc.Mapping[str, Trial]
+) -> abc.Iterator[documents.ProblemEntry]:
     """What recordings show that a sound person does not, with the corrections that solve it.
 
     ``trials``: by file, with the files' own labels.
@@ -105,7 +119,7 @@ def tell_findings(
     for one in findings:
         file = files.get(one.place, one.place)
         offers = {one.place: one.exchanges, **one.rivals}
-        yield document.ProblemEntry(
+        yield documents.ProblemEntry(
             severity="error" if one.severity == "refusal" else "warning",
             file=file,
             field=", ".join(one.labels[:4]) or None,
@@ -121,7 +135,7 @@ def tell_findings(
         )
 
 
-def _make_correction(file: str, wrong: Exchange, trial: Trial) -> document.CorrectionEntry | None:
+def _make_correction(file: str, wrong: Exchange, trial: Trial) -> documents.CorrectionEntry | None:
     """The exchange with the file's own labels; None where it cannot be told which these are."""
     own = {label: label for label in trial.labels}
     for label in trial.labels:
@@ -129,12 +143,12 @@ def _make_correction(file: str, wrong: Exchange, trial: Trial) -> document.Corre
     if any(label not in own for label in wrong.labels):
         return None
     labels = {own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)}
-    return document.CorrectionEntry(
+    return documents.CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
     )
 
 
-def check_plates(recordings: Sequence[document.RecordingProof]) -> Iterator[document.ProblemEntry]:
+def check_plates(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iterator[documents.ProblemEntry]:
     """Plates that read something while nobody is near them, each once for all recordings."""
     offsets: dict[str, dict[str, float]] = {}
     for recording in recordings:
@@ -151,7 +165,7 @@ def check_plates(recordings: Sequence[document.RecordingProof]) -> Iterator[docu
         )
 
 
-def check_faults(recordings: Sequence[document.RecordingProof]) -> Iterator[document.ProblemEntry]:
+def check_faults(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iterator[documents.ProblemEntry]:
     """What plates did wrong, as their readings alone show; loading tells the same of markers."""
     for recording in recordings:
         for repair in recording.repairs:
@@ -164,8 +178,8 @@ def check_faults(recordings: Sequence[document.RecordingProof]) -> Iterator[docu
 
 
 def check_times(
-    recordings: Sequence[document.RecordingProof], spans: Mapping[str, tuple[float, float]]
-) -> Iterator[document.ProblemEntry]:
+    recordings: abc.Sequence[documents.RecordingProof], spans: abc.Mapping[str, tuple[float, float]]
+) -> abc.Iterator[documents.ProblemEntry]:
     """Files of forces that do not cover the recording that they are for."""
     for recording in recordings:
         source = recording.forces_from
@@ -184,8 +198,8 @@ def check_times(
 
 
 def check_unused_forces(
-    files: Sequence[document.FileRole], recordings: Sequence[document.RecordingProof]
-) -> Iterator[document.ProblemEntry]:
+    files: abc.Sequence[documents.FileRole], recordings: abc.Sequence[documents.RecordingProof]
+) -> abc.Iterator[documents.ProblemEntry]:
     """Files of forces that belong to no recording, while some movement has no forces."""
     moving = ("trials.calibration", "trials.evaluation")
     used_as = {file.name: file.role for file in files}
@@ -205,9 +219,9 @@ def _make_warning(
     remedy: str,
     file: str | None = None,
     field: str | None = None,
-    corrections: Sequence[document.CorrectionEntry] = (),
-) -> document.ProblemEntry:
-    return document.ProblemEntry(
+    corrections: abc.Sequence[documents.CorrectionEntry] = (),
+) -> documents.ProblemEntry:
+    return documents.ProblemEntry(
         severity="warning",
         file=file,
         field=field,
@@ -217,8 +231,8 @@ def _make_warning(
     )
 
 
-def tell_notes(notes: Iterable[Note]) -> Iterator[document.ProblemEntry]:
+def tell_notes(notes: abc.Iterable[Note]) -> abc.Iterator[documents.ProblemEntry]:
     """What loading says, each with its remedy."""
     for note in notes:
-        severity: document.Severity = "note" if note.severity == "note" else "warning"
-        yield document.ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)
+        severity: documents.Severity = "note" if note.severity == "note" else "warning"
+        yield documents.ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,17 +14,17 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.files.forces import read_forces
+from scaling_service.model import forces as model_forces
 from scaling_service.model.body import BodyModel
-from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import (
     Repair,
     Trial,
 )
+from scaling_service.recording import plates as recording_plates
 from scaling_service.recording import plates_feet
 from scaling_service.recording.faults import repair_forces
 from scaling_service.recording.orientation import Orientation
-from scaling_service.recording.plates import compute_ground_forces, orient_forces, synchronise
 
 LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
@@ -43,9 +43,9 @@ class TrialForces:
     """What the ground does to the feet in one recording."""
 
     source: Path  # the file that the forces came from
-    ground: GroundForces  # at the markers' times, filtered
+    ground: model_forces.GroundForces  # at the markers' times, filtered
     contacts: plates_feet.FootContacts
-    loads: SegmentLoads
+    loads: model_forces.SegmentLoads
 
     @property
     def repairs(self) -> tuple[Repair, ...]:
@@ -54,8 +54,8 @@ class TrialForces:
 
 
 def read_trial_forces(
-    recording: Path, plates: PlateRecording | errors.TrialUnusable | None, named: Path | None
-) -> tuple[Path, GroundForces] | None:
+    recording: Path, plates: model_forces.PlateRecording | errors.TrialUnusable | None, named: Path | None
+) -> tuple[Path, model_forces.GroundForces] | None:
     """The forces of one recording as they stand: of the file named under ``forces:``, else of its own plates.
 
     ``plates``: what was read of the recording's own; ``named``: the file of forces that is named for it.
@@ -81,14 +81,14 @@ def read_trial_forces(
     if plates is None:
         return None
     with _blame_file(recording):
-        return recording, compute_ground_forces(plates)
+        return recording, recording_plates.compute_ground_forces(plates)
 
 
 def prepare_forces(
     source: Path,
-    forces: GroundForces,
+    forces: model_forces.GroundForces,
     trial: Trial,
-    feet: Mapping[str, Array],
+    feet: abc.Mapping[str, Array],
     axes: Orientation,
     *,
     cutoff_hz: float,
@@ -108,7 +108,9 @@ def prepare_forces(
                 field="POINT:UNITS",
                 remedy="State the right unit of length in the recording and export it again",
             )
-        ground = synchronise(turn_forces(source, forces, axes), trial.times, cutoff_hz=cutoff_hz)
+        ground = recording_plates.synchronise(
+            turn_forces(source, forces, axes), trial.times, cutoff_hz=cutoff_hz
+        )
         if not ground.in_contact().any():
             raise errors.TrialUnusable(
                 f"no plate bears more than {np.nanmax(np.abs(ground.pressing), initial=0.0):.3g} N while "
@@ -123,7 +125,7 @@ def prepare_forces(
 
 
 @contextmanager
-def _blame_file(file: Path) -> Iterator[None]:
+def _blame_file(file: Path) -> abc.Iterator[None]:
     """Let errors name the whole path of the file, also where they name it by its bare name."""
     try:
         yield
@@ -133,7 +135,9 @@ def _blame_file(file: Path) -> Iterator[None]:
         raise
 
 
-def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> GroundForces:
+def turn_forces(
+    source: Path, forces: model_forces.GroundForces, axes: Orientation
+) -> model_forces.GroundForces:
     """Forces in our axes, their plates' own faults repaired or noted.
 
     Those of MOT and STO files stand Y up and must be in the axes of the markers.
@@ -145,7 +149,7 @@ def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> Ground
             field="forces",
             remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
         )
-    return repair_forces(orient_forces(axes, forces))
+    return repair_forces(recording_plates.orient_forces(axes, forces))
 
 
 def find_feet(model: BodyModel) -> dict[str, tuple[str, ...]]:
@@ -173,7 +177,7 @@ def find_feet(model: BodyModel) -> dict[str, tuple[str, ...]]:
     return feet
 
 
-def find_foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) -> dict[str, Array]:
+def find_foot_markers(model: BodyModel, trial: Trial, extra: abc.Mapping[str, str]) -> dict[str, Array]:
     """Markers on each foot, (n_frames, n_markers, 3), m; enough to tell which plate it stands on.
 
     ``extra`` are further labels of the recordings, and the segment that each sits on.
@@ -194,10 +198,10 @@ def find_foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) 
     return found
 
 
-Plates = Mapping[Path, PlateRecording | errors.TrialUnusable | None]
+Plates = abc.Mapping[Path, model_forces.PlateRecording | errors.TrialUnusable | None]
 """Recording to what was read of its plates."""
 
-ReadForces = dict[Path, tuple[Path, GroundForces]]
+ReadForces = dict[Path, tuple[Path, model_forces.GroundForces]]
 """Recording to the file that its forces came from, and these as they stand."""
 
 
@@ -223,7 +227,7 @@ def read_movement_forces(subject: Subject, plates: Plates) -> ReadForces:
 
 
 def assign_forces(
-    loaded: Loaded, read: ReadForces, cutoff_hz: Callable[[Trial], float]
+    loaded: Loaded, read: ReadForces, cutoff_hz: abc.Callable[[Trial], float]
 ) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
     """By each movement's stem, its forces in the session's axes, filtered and given to its feet.
 

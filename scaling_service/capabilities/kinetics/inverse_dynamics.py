@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics import wrench
+from scaling_service.numerics.multibody import tree
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
-from scaling_service.numerics.signals.filters import filter_butterworth, find_runs
+from scaling_service.numerics.signals import filters
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.plates_feet import FootContacts
@@ -106,9 +106,9 @@ class InverseDynamics:
         return used
 
 
-def report_no_frame(trial: str) -> TrialUnusable:
+def report_no_frame(trial: str) -> errors.TrialUnusable:
     """Tells that nothing of a recording can be judged."""
-    return TrialUnusable(
+    return errors.TrialUnusable(
         "no frame has both a motion and all its forces",
         file=trial,
         field="forces",
@@ -119,7 +119,7 @@ def report_no_frame(trial: str) -> TrialUnusable:
 def check_clock(loads: SegmentLoads, times: Array, trial: str) -> None:
     """Refuse loads that are not at the times of the motion."""
     if len(loads.times) != len(times) or np.abs(loads.times - times).max() > 1e-6:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "loads and motion are not on one clock",
             file=trial,
             field="time",
@@ -141,16 +141,22 @@ def differentiate_motion(
     n_coordinates), rad or m, in the model's order; NaN where not known. ``order`` is that of both passes
     together. Refuses a cutoff that is not below half the frame rate.
     """
-    clock, values = np.asarray(times, dtype=float), _unwrap(model, np.array(q, dtype=float))
+    # Rotations without jumps of whole turns, which a filter would smear; each run by itself.
+    smooth = np.array(q, dtype=float)
+    for column, coordinate in enumerate(model.coordinates):
+        if coordinate.kind == "rotation":
+            for start, stop in filters.find_runs(np.isfinite(smooth[:, column])).tolist():
+                smooth[start:stop, column] = np.unwrap(smooth[start:stop, column])
+    clock, values = np.asarray(times, dtype=float), smooth
     if cutoff_hz is not None:
         rate = 1.0 / float(np.median(np.diff(clock)))
         if not 0 < cutoff_hz < 0.5 * rate:
-            raise InputError(
+            raise errors.InputError(
                 f"a cutoff of {cutoff_hz:g} Hz does not suit {rate:g} frames per second",
                 field="cutoff_hz",
                 remedy=f"Choose one between 0 and {0.5 * rate:g} Hz",
             )
-        values = filter_butterworth(values, rate_hz=rate, cutoff_hz=cutoff_hz, order=order).values
+        values = filters.filter_butterworth(values, rate_hz=rate, cutoff_hz=cutoff_hz, order=order).values
     qdot, qddot = differentiate_spline(clock, values)
     return RatedMotion(clock, values, qdot, qddot)
 
@@ -178,10 +184,25 @@ def compute_dynamics(
     model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None = None, *, trial: str = ""
 ) -> InverseDynamics:
     """Joint forces and residual wrench of a motion whose rates are known; errors as above."""
-    mechanism, p = compile_mechanism(model), list_parameter_values(model)
+    mechanism, p = inertia.compile_mechanism(model), list_parameter_values(model)
     rates = rated.rates
-    found = wrench.compute_inverse_dynamics(mechanism, rates, p, _convert_loads(model, rated, loads, trial))
-    centres = place_tree_markers(mechanism.tree, pose_links(mechanism.tree, rates.q, p))
+    if loads is None:
+        acting = None
+    else:
+        check_clock(loads, rated.times, trial)
+        unknown = [name for name in loads.segments if name not in model.segment_names]
+        if unknown:
+            raise errors.InputError(
+                f"a load acts on '{unknown[0]}', which is no segment of the model",
+                file=trial,
+                field=unknown[0],
+                remedy=f"Segments are {', '.join(model.segment_names)}",
+            )
+        rows = np.array([model.segment_names.index(name) for name in loads.segments], dtype=np.intp)
+        both = np.concatenate([loads.force, loads.moment], axis=2)
+        acting = wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))
+    found = wrench.compute_inverse_dynamics(mechanism, rates, p, acting)
+    centres = tree.place_tree_markers(mechanism.tree, tree.pose_links(mechanism.tree, rates.q, p))
     masses = mechanism.inertias.mass
     centre = np.einsum("k,kan->na", masses / masses.sum(), centres)
     external = loads.total if loads is not None else np.zeros((len(rated.times), 6))
@@ -194,7 +215,7 @@ def compute_dynamics(
         root=np.ascontiguousarray(found.root.T),
         centre_of_mass=centre,
         external=external,
-        mass=sum_mass(model),
+        mass=inertia.sum_mass(model),
     )
 
 
@@ -202,41 +223,13 @@ def in_model_order(model: BodyModel, motion: Motion) -> Array:
     """The motion's coordinates as the model orders them, (n, n_coordinates)."""
     missing = [name for name in model.coordinate_names if name not in motion.coordinates]
     if missing:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"the motion has no coordinate '{missing[0]}'",
             file=motion.trial,
             field=missing[0],
             remedy=f"Give a motion of the model '{model.name}'",
         )
     return motion.q[:, [motion.coordinates.index(name) for name in model.coordinate_names]]
-
-
-def _unwrap(model: BodyModel, q: Array) -> Array:
-    """Rotations without jumps of whole turns, which a filter would smear; each run by itself."""
-    for column, coordinate in enumerate(model.coordinates):
-        if coordinate.kind == "rotation":
-            for start, stop in find_runs(np.isfinite(q[:, column])).tolist():
-                q[start:stop, column] = np.unwrap(q[start:stop, column])
-    return q
-
-
-def _convert_loads(
-    model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None, trial: str
-) -> wrench.Loads | None:
-    if loads is None:
-        return None
-    check_clock(loads, rated.times, trial)
-    unknown = [name for name in loads.segments if name not in model.segment_names]
-    if unknown:
-        raise InputError(
-            f"a load acts on '{unknown[0]}', which is no segment of the model",
-            file=trial,
-            field=unknown[0],
-            remedy=f"Segments are {', '.join(model.segment_names)}",
-        )
-    rows = np.array([model.segment_names.index(name) for name in loads.segments], dtype=np.intp)
-    both = np.concatenate([loads.force, loads.moment], axis=2)
-    return wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))
 
 
 def find_judged_frames(
@@ -247,7 +240,7 @@ def find_judged_frames(
     edge = EDGE_PERIODS / cutoff_hz - 1e-9
     times = dynamics.motion.times
     inner = np.zeros_like(known)
-    for start, stop in find_runs(known).tolist():
+    for start, stop in filters.find_runs(known).tolist():
         span = times[start:stop]
         inner[start:stop] = (span - span[0] >= edge) & (span[-1] - span >= edge)
     return inner & contacts.supported
@@ -314,9 +307,11 @@ def compute_residual_indicator(residual: Array, mass_kg: float, height_m: float)
 def scale_indicator(mass_kg: float, height_m: float) -> Array:
     """Body weight, and body weight times stature, (6,), N and N m; refuses what cannot be a person's."""
     if not mass_kg > 0:
-        raise InputError(f"a mass of {mass_kg:g} kg is none", field="subject.mass_kg", remedy="Give it in kg")
+        raise errors.InputError(
+            f"a mass of {mass_kg:g} kg is none", field="subject.mass_kg", remedy="Give it in kg"
+        )
     if not PLAUSIBLE_M[0] <= height_m <= PLAUSIBLE_M[1]:
-        raise InputError(
+        raise errors.InputError(
             f"a height of {height_m:g} m is none", field="subject.height_m", remedy="Give the stature in m"
         )
     weight = mass_kg * -GRAVITY[1]
@@ -332,27 +327,7 @@ def evaluate_residuals(
     """
     used = dynamics.find_used(frames)
     residual = dynamics.residual[used]
-    return Residuals(
-        trial=dynamics.trial,
-        frames=int(used.sum()),
-        left_out=int(len(used) - used.sum()),
-        rms=_compute_rms(residual),
-        dr=compute_residual_indicator(residual, dynamics.mass, height_m),
-        gates=_list_gates(dynamics, used),
-    )
-
-
-def _compute_rms(residual: Array) -> Array:
-    known = np.asarray(np.all(np.isfinite(residual), axis=-1))
-    squares = np.where(known[..., None], residual, 0.0) ** 2
-    count = known.sum(axis=-1)[..., None]
-    with np.errstate(invalid="ignore"):  # 0/0 is NaN: no frame known
-        rms: Array = np.sqrt(squares.sum(axis=-2) / count)
-    return rms
-
-
-def _list_gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gate, ...]:
-    """Hicks's gates, peak against peak and RMS against RMS (our reading), and OpenSim's plain limits."""
+    # Hicks's gates, peak against peak and RMS against RMS (our reading), and OpenSim's plain limits
     force, moment, external = (
         np.linalg.norm(x[used], axis=1)
         for x in (dynamics.residual[:, :3], dynamics.residual[:, 3:], dynamics.external[:, :3])
@@ -378,4 +353,20 @@ def _list_gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gat
         Gate(name=n, source="OpenSim checklist", value=values[n].value, limit=limit, unit=values[n].unit)
         for n, limit in OPENSIM_LIMITS
     ]
-    return (*gates, *plain)
+    return Residuals(
+        trial=dynamics.trial,
+        frames=int(used.sum()),
+        left_out=int(len(used) - used.sum()),
+        rms=_compute_rms(residual),
+        dr=compute_residual_indicator(residual, dynamics.mass, height_m),
+        gates=(*gates, *plain),
+    )
+
+
+def _compute_rms(residual: Array) -> Array:
+    known = np.asarray(np.all(np.isfinite(residual), axis=-1))
+    squares = np.where(known[..., None], residual, 0.0) ** 2
+    count = known.sum(axis=-1)[..., None]
+    with np.errstate(invalid="ignore"):  # 0/0 is NaN: no frame known
+        rms: Array = np.sqrt(squares.sum(axis=-2) / count)
+    return rms

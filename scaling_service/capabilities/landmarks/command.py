@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scaling_service.capabilities.shared import screen
-from scaling_service.capabilities.shared.flags import Out, Tables
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.report.tables import Row, Table
 
 COMMANDS = ("landmarks",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.landmarks.document import LandmarksDocument
+    from scaling_service.capabilities.landmarks.result import LandmarksDocument
 
 
 def _make_bone_option(name: str, words: str) -> typer.models.OptionInfo:
@@ -30,7 +29,7 @@ _MeshFile = Path | None
 
 
 def landmarks(
-    out: Out,
+    out: flags.Out,
     pelvis: Annotated[_MeshFile, _make_bone_option("pelvis", "Both hip bones, sacrum in or out.")] = None,
     femur_r: Annotated[_MeshFile, _make_bone_option("femur_r", "Right femur.")] = None,
     tibia_r: Annotated[
@@ -51,7 +50,7 @@ def landmarks(
         ),
     ] = None,
     units: Annotated[Literal["mm", "cm", "m", "detect"], typer.Option(help="Unit of all meshes.")] = "detect",
-    tables: Tables = "",
+    tables: flags.Tables = "",
 ) -> None:
     """Find joint centres, axes and bony landmarks on surfaces of bones or in a segmentation.
 
@@ -69,7 +68,7 @@ def landmarks(
     if segmentation is not None:
         given["segmentation"] = segmentation
     with screen.running(out) as progress:
-        from scaling_service.capabilities.landmarks.document import tabulate_points
+        from scaling_service.capabilities.landmarks.result import tabulate_points
         from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
         from scaling_service.capabilities.shared.tables import make_table_writer
 
@@ -82,7 +81,7 @@ def landmarks(
 
 def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     """A table of what was found, then what was refused or is doubtful."""
-    from scaling_service.capabilities.landmarks.document import tabulate_points
+    from scaling_service.capabilities.landmarks.result import tabulate_points
 
     rows: list[Row] = []
     notes = list(document.warnings)

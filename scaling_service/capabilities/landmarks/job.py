@@ -7,28 +7,30 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+import pydantic
 
-from scaling_service.capabilities.landmarks.document import LandmarksDocument
+from scaling_service.capabilities.landmarks.result import LandmarksDocument
 from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.base import DOCUMENT, require_plain_name
+from scaling_service.documents import base
 
 
-class LandmarksRequest(job.OfOneSubject):
+class LandmarksRequest(job.OfOneSubject, job.WithTables):
     """Find joint centres, axes and bony landmarks on surfaces of bones."""
 
-    bones: dict[str, str] | None = Field(
+    bones: dict[str, str] | None = pydantic.Field(
         default=None,
         description=f"Of {', '.join(BONE_NAMES)} to an uploaded mesh's name, or segmentation to that of a "
         "label map; the subject's unless given.",
         examples=[{"femur_r": "femur_r.stl"}],
     )
-    units: Literal["mm", "cm", "m", "detect"] = Field(default="detect", description="Unit of all meshes.")
+    units: Literal["mm", "cm", "m", "detect"] = pydantic.Field(
+        default="detect", description="Unit of all meshes."
+    )
 
-    @field_validator("bones")
+    @pydantic.field_validator("bones")
     @classmethod
     def _known(cls, bones: dict[str, str] | None) -> dict[str, str] | None:
         for bone in bones or ():
@@ -55,7 +57,8 @@ class LandmarksRequest(job.OfOneSubject):
             )
         return {
             self.subject: {
-                f"bones.{bone}": require_plain_name(file, f"bones.{bone}") for bone, file in found.items()
+                f"bones.{bone}": base.require_plain_name(file, f"bones.{bone}")
+                for bone, file in found.items()
             }
         }
 
@@ -68,17 +71,23 @@ def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progr
     InputError
         A mesh cannot be read or used.
     """
+    from scaling_service.capabilities.landmarks.result import tabulate_points
     from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     folder = inputs / request.subject
-    document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
+    document = json.loads((folder / base.DOCUMENT).read_text(encoding="utf-8"))
     bones = {bone: folder / file for bone, file in request.meshes(document).items()}
-    found = save_landmarks(landmark_bones(bones, units=request.units, progress=progress), outputs)
-    return json.loads(found.read_text(encoding="utf-8"))
+    found = landmark_bones(bones, units=request.units, progress=progress)
+    write_tables({"landmarks": tabulate_points(found)}, found)
+    return json.loads(save_landmarks(found, outputs).read_text(encoding="utf-8"))
 
 
-KINDS = {
-    "landmarks": job.Kind(
-        request=LandmarksRequest, work=work, route="scalings/mesh-landmarks", result=LandmarksDocument
-    ),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "landmarks": job.Kind(
+            request=LandmarksRequest, work=work, route="scalings/mesh-landmarks", result=LandmarksDocument
+        ),
+    }

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections import abc
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from scaling_service.bones import images, results, whole
-from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
+from scaling_service.capabilities.landmarks import result as documents
+from scaling_service.capabilities.subject.reading import hash_file
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing
@@ -23,8 +23,8 @@ _MM = 1e3
 
 
 def landmark_bones(
-    bones: Mapping[str, Path], *, units: str = DETECT, progress: Progress = show_nothing
-) -> LandmarksDocument:
+    bones: abc.Mapping[str, Path], *, units: str = DETECT, progress: Progress = show_nothing
+) -> documents.LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
     ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes, or ``segmentation`` to a
@@ -50,11 +50,11 @@ def landmark_bones(
         raise results.MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
     notes = (*_ask_whether_joined(found), *imaged.tell())
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
-    return LandmarksDocument(
+    return documents.LandmarksDocument(
         code_version=writing.code_version(),
         settings={"units": imaged.unit, "units_from": "size" if units == DETECT else "given"},
         input_hashes={
-            file.name: _digest(file) for path in bones.values() for file in images.list_files_of(path)
+            file.name: hash_file(file) for path in bones.values() for file in images.list_files_of(path)
         },
         warnings=list(notes),
         wall_s=round(time.perf_counter() - began, 3),
@@ -62,7 +62,7 @@ def landmark_bones(
     )
 
 
-def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
+def save_landmarks(document: documents.LandmarksDocument, folder: str | Path) -> Path:
     """Write ``landmarks.json`` into a folder, complete or not at all; returns its path.
 
     Raises InputError: the folder cannot be made or written to.
@@ -73,17 +73,12 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
     return Path(folder) / FILE_NAME
 
 
-def _ask_whether_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
+def _ask_whether_joined(found: abc.Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
     """What tells against one image of one person: told, as bones may each lie in a frame of their own."""
     try:
         return whole.check_joined(found)
     except results.MeshRefused as error:
         return (f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:
@@ -92,7 +87,33 @@ def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:
     for name, tube in bone.cylinders.items():
         fits[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
     fields: dict[str, Any] = {f"{name}_mm": _to_mm(point) for name, point in bone.points.items()}
-    fields |= _ADDED[bone.bone](bone)
+    if bone.bone == "femur":
+        knee, condyles, head = (
+            bone.axes.get("knee"),
+            bone.cylinders.get("condyles"),
+            bone.spheres.get("head"),
+        )
+        apart = None
+        if knee is not None and condyles is not None:
+            apart = round(float(np.rad2deg(np.arccos(np.clip(knee @ condyles.axis, -1.0, 1.0)))), 3)
+        fields |= {
+            "head_radius_mm": None if head is None else round(head.radius * _MM, 4),
+            "knee_axis": None if knee is None else _to_unit(knee),
+            "knee_axis_cylinder": None if condyles is None else _to_unit(condyles.axis),
+            "knee_axes_apart_deg": apart,
+        }
+    elif bone.bone == "tibia":
+        talus = "ankle" in bone.axes
+        source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
+        fields |= {
+            "plateau_axis": _to_unit(bone.axes["plateau"]) if "plateau" in bone.axes else None,
+            "ankle_centre_from": source,
+            "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
+        }
+    else:
+        fields |= {f"{name}_axis": _to_unit(axis) for name, axis in bone.axes.items()}
+    if bone.bone == "pelvis":
+        fields["pose_odds_log10"] = None if bone.pose_odds is None else round(bone.pose_odds, 1)
     return fields | {
         "side": bone.side,
         "side_from": bone.side_from,
@@ -112,9 +133,9 @@ def _fit(
     shape: Literal["sphere", "cylinder"],
     found: results.Sphere | results.Cylinder,
     centre: results.Array,
-    axis: Vector | None = None,
-) -> ShapeFit:
-    return ShapeFit(
+    axis: documents.Vector | None = None,
+) -> documents.ShapeFit:
+    return documents.ShapeFit(
         shape=shape,
         centre_mm=_to_mm(centre),
         radius_mm=round(found.radius * _MM, 4),
@@ -124,45 +145,11 @@ def _fit(
     )
 
 
-def _describe_femur(bone: results.BoneLandmarks) -> dict[str, Any]:
-    knee, tube, head = bone.axes.get("knee"), bone.cylinders.get("condyles"), bone.spheres.get("head")
-    apart = None
-    if knee is not None and tube is not None:
-        apart = round(float(np.rad2deg(np.arccos(np.clip(knee @ tube.axis, -1.0, 1.0)))), 3)
-    return {
-        "head_radius_mm": None if head is None else round(head.radius * _MM, 4),
-        "knee_axis": None if knee is None else _to_unit(knee),
-        "knee_axis_cylinder": None if tube is None else _to_unit(tube.axis),
-        "knee_axes_apart_deg": apart,
-    }
-
-
-def _describe_tibia(bone: results.BoneLandmarks) -> dict[str, Any]:
-    talus = "ankle" in bone.axes
-    source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
-    return {
-        "plateau_axis": _to_unit(bone.axes["plateau"]) if "plateau" in bone.axes else None,
-        "ankle_centre_from": source,
-        "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
-    }
-
-
-_ADDED: Mapping[str, Callable[[results.BoneLandmarks], dict[str, Any]]] = {
-    "femur": _describe_femur,
-    "tibia": _describe_tibia,
-    "talus": lambda bone: {f"{joint}_axis": _to_unit(axis) for joint, axis in bone.axes.items()},
-    "pelvis": lambda bone: (
-        {f"{name}_axis": _to_unit(axis) for name, axis in bone.axes.items()}
-        | {"pose_odds_log10": None if bone.pose_odds is None else round(bone.pose_odds, 1)}
-    ),
-}
-
-
-def _to_mm(point: results.Array) -> Vector:
+def _to_mm(point: results.Array) -> documents.Vector:
     x, y, z = (round(float(value) * _MM, 4) for value in point)
     return x, y, z
 
 
-def _to_unit(direction: results.Array) -> Vector:
+def _to_unit(direction: results.Array) -> documents.Vector:
     x, y, z = (round(float(value), 8) for value in direction)
     return x, y, z

@@ -7,23 +7,23 @@ and moments best has a closed form, as have the mountings then.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from scaling_service.capabilities.motion.frames import Z_UP, Hypothesis, average_rotations, take_rotation
+from scaling_service.capabilities.motion import frames
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_segments
-from scaling_service.model.trial import Rotations, Trial
-from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector, rotate_about
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody import rigid
 
 
-def join_recordings(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+def join_recordings(trials: abc.Sequence[Trial]) -> tuple[Trial, ...]:
     """Recordings of one name as one: of markers, and of rotations, which are put on the markers' times.
 
     Both clocks are taken to be one.
@@ -34,28 +34,25 @@ def join_recordings(trials: Sequence[Trial]) -> tuple[Trial, ...]:
         if before is None or trial.rotations is None or before.rotations is not None:
             joined[trial.name] = trial
         else:
+            # Rotations between their moments, by the shortest turn; NaN before the first and after the
+            # last.
+            matrices = np.full((len(before.times), len(trial.rotations.labels), 3, 3), np.nan)
+            for k in range(len(trial.rotations.labels)):
+                known = np.isfinite(trial.rotations.matrices[:, k]).all(axis=(1, 2))
+                if known.sum() > 1:
+                    own = trial.times[known]
+                    within = (before.times >= own[0]) & (before.times <= own[-1])
+                    turned = Slerp(own, Rotation.from_matrix(trial.rotations.matrices[known, k]))
+                    matrices[within, k] = turned(before.times[within]).as_matrix()
             joined[trial.name] = replace(
-                before, rotations=_put_on_times(trial.rotations, trial.times, before.times)
+                before, rotations=replace(trial.rotations, matrices=matrices, origins=None)
             )
     return tuple(joined[name] for name in dict.fromkeys(trial.name for trial in trials))
 
 
-def _put_on_times(held: Rotations, times: Array, wanted: Array) -> Rotations:
-    """Rotations between their moments, by the shortest turn; NaN before the first and after the last."""
-    matrices = np.full((len(wanted), len(held.labels), 3, 3), np.nan)
-    for k in range(len(held.labels)):
-        known = np.isfinite(held.matrices[:, k]).all(axis=(1, 2))
-        if known.sum() > 1:
-            own = times[known]
-            within = (wanted >= own[0]) & (wanted <= own[-1])
-            turned = Slerp(own, Rotation.from_matrix(held.matrices[known, k]))
-            matrices[within, k] = turned(wanted[within]).as_matrix()
-    return replace(held, matrices=matrices, origins=None)
-
-
 def find_beside_markers(
-    model: BodyModel, trial: Trial, segments: Mapping[str, str], *, turned: bool
-) -> Hypothesis | None:
+    model: BodyModel, trial: Trial, segments: abc.Mapping[str, str], *, turned: bool
+) -> frames.Hypothesis | None:
     """How sensors sit by the markers of the same movement; None where no segment turns enough to tell.
 
     ``segments``: label to its segment. ``turned``: whether the sensors' world is the session's but for its
@@ -66,12 +63,14 @@ def find_beside_markers(
     turns = Rotation.from_quat(pose_segments(model, q)[..., 3:].reshape(-1, 4)).as_matrix()
     bodies = turns.reshape(trial.n_frames, -1, 3, 3)
     pairs = {
-        label: (bodies[:, model.segment_names.index(segment)], take_rotation(trial, label))
+        label: (bodies[:, model.segment_names.index(segment)], frames.take_rotation(trial, label))
         for label, segment in segments.items()
         if segment in shown
     }
     best: tuple[float, str, Array] | None = None
-    for world, turn in ({"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": Z_UP}).items():
+    for world, turn in (
+        {"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": frames.Z_UP}
+    ).items():
         a, b = (np.concatenate(parts) for parts in zip(*_list_steps(pairs.values(), turn), strict=True))
         across = float((a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]).sum())
         along = float((a[:, 0] * b[:, 0] + a[:, 2] * b[:, 2]).sum())
@@ -79,15 +78,15 @@ def find_beside_markers(
         heading = float(np.arctan2(across, along))
         if best is None or fit > best[0]:
             said = f"their world is {world}, turned by {np.degrees(heading):.0f} deg against the markers'"
-            best = fit, said, rotate_about((0.0, 1.0, 0.0), -heading) @ turn
+            best = fit, said, rigid.rotate_about((0.0, 1.0, 0.0), -heading) @ turn
     if best is None or best[0] <= 0.0:
         return None
     found = {
-        label: average_rotations(body.swapaxes(1, 2) @ best[2] @ sensor)
+        label: frames.average_rotations(body.swapaxes(1, 2) @ best[2] @ sensor)
         for label, (body, sensor) in pairs.items()
     }
     before = {label: sits for label, sits in found.items() if sits is not None}
-    return Hypothesis(
+    return frames.Hypothesis(
         told=f"sensors sit as the markers of '{trial.name}' show, {best[1]}",
         turn=best[2],
         before=before,
@@ -95,14 +94,39 @@ def find_beside_markers(
     )
 
 
-def _list_steps(pairs: Iterable[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
+def share_world(
+    model: BodyModel,
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
+    shared: frames.Hypothesis,
+    *,
+    turned: bool,
+) -> tuple[tuple[Trial, ...], frames.Hypothesis]:
+    """Recordings in one world of sensors, that of the first: markers show where another's faces elsewhere.
+
+    A recording without markers stays as it is: there a heading is the whole body's, and nothing else.
+    ``shared``: from the first; its sentence goes on with how the others' worlds are turned.
+    """
+    ready, told = [], shared.told
+    for trial in trials:
+        own = None
+        if trial.labels and trial.rotations is not None and f"'{trial.name}'" not in shared.told:
+            own = find_beside_markers(model, trial, segments, turned=turned)
+        if own is not None and trial.rotations is not None:
+            trial = replace(trial, rotations=trial.rotations.turn(shared.turn.T @ own.turn))
+            told += f"; in '{trial.name}' {own.told.rpartition(', ')[2]}"
+        ready.append(trial)
+    return tuple(ready), replace(shared, told=told)
+
+
+def _list_steps(pairs: abc.Iterable[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
     """Rotation vectors of segments and of their sensors from the middle of a recording, (n, 3) each, rad."""
     found = [(np.zeros((0, 3)), np.zeros((0, 3)))]
     for body, sensor in pairs:
         seen = np.flatnonzero(np.isfinite(sensor).all(axis=(1, 2)))
         if len(seen):
             middle = seen[len(seen) // 2]
-            a = convert_rotation_to_vector(body[seen] @ body[middle].T)
-            b = convert_rotation_to_vector(turn @ sensor[seen] @ sensor[middle].T @ turn.T)
+            a = rigid.convert_rotation_to_vector(body[seen] @ body[middle].T)
+            b = rigid.convert_rotation_to_vector(turn @ sensor[seen] @ sensor[middle].T @ turn.T)
             found.append((a, b))
     return found

@@ -15,11 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    Fixed,
-    Turn,
-)
+from scaling_service.numerics.multibody import laws
 from scaling_service.numerics.multibody.tree import Tree
 
 Bounds = tuple[Array, Array]  # each (n_coordinates,)
@@ -56,23 +52,23 @@ def find_turning(tree: Tree) -> NDArray[np.intp]:
     plain = np.zeros(tree.n_coordinates, dtype=np.intp)
     for link in tree.links:
         for move in link.moves:
-            for term in () if isinstance(move, Fixed) else move.terms:
-                if term.factor != NONE:
+            for term in () if isinstance(move, laws.Fixed) else move.terms:
+                if term.factor != laws.NONE:
                     uses[tree.factors[term.factor].coordinate] += 1
-            if isinstance(move, Turn) and (found := _read_angle(tree, move)) is not None:
+            if isinstance(move, laws.Turn) and (found := _read_angle(tree, move)) is not None:
                 plain[found[0]] += 1
     for item in tree.marker_terms:
-        if item.term.factor != NONE:
+        if item.term.factor != laws.NONE:
             uses[tree.factors[item.term.factor].coordinate] += 1
     return np.flatnonzero((uses == 1) & (plain == 1))
 
 
-def _read_angle(tree: Tree, move: Turn) -> tuple[int, float] | None:
+def _read_angle(tree: Tree, move: laws.Turn) -> tuple[int, float] | None:
     """The coordinate that a turn's angle is, and its sign; None where the angle is anything else."""
     if len(move.terms) != 1:
         return None
     term = move.terms[0]
-    if term.factor == NONE or term.parameter != NONE or tree.factors[term.factor].shape is not None:
+    if term.factor == laws.NONE or term.parameter != laws.NONE or tree.factors[term.factor].shape is not None:
         return None
     gain = float(term.gain[0])
     return (tree.factors[term.factor].coordinate, gain) if abs(gain) == 1.0 else None
@@ -85,11 +81,11 @@ def find_triplets(tree: Tree) -> tuple[Triplet, ...]:
     for link in tree.links:
         prefix, row = np.eye(3), list[tuple[Array, int, float, float]]()
         for move in link.moves:
-            if isinstance(move, Fixed):
+            if isinstance(move, laws.Fixed):
                 prefix = prefix @ move.rotation
                 continue
-            angle = _read_angle(tree, move) if isinstance(move, Turn) else None
-            if isinstance(move, Turn) and angle is not None and angle[0] in turning:
+            angle = _read_angle(tree, move) if isinstance(move, laws.Turn) else None
+            if isinstance(move, laws.Turn) and angle is not None and angle[0] in turning:
                 row.append((prefix[:, move.axis], *angle, move.constant))
             else:
                 row, prefix = [], np.eye(3)
@@ -119,7 +115,7 @@ def find_rotations(tree: Tree) -> NDArray[np.intp]:
     turns = {
         tree.factors[e.term.factor].coordinate
         for e in tree.plan.entries
-        if e.is_turn and e.term.factor != NONE
+        if e.is_turn and e.term.factor != laws.NONE
     }
     return np.array(sorted(turns), dtype=np.intp)
 
@@ -154,9 +150,13 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     for triplet in find_triplets(tree):
         _join_triplet(triplet, joined, bounds, natural, neutral)
     joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)
-    joined[:, loose] -= _TURN * _count_turns(
-        joined[:, loose], natural[0][loose], natural[1][loose], neutral[loose]
-    )
+    # Full turns by which whole recordings (n, k) stand away from their ranges, or from the default
+    turns = joined[:, loose]
+    lower = natural[0][loose]
+    upper = natural[1][loose]
+    zero = neutral[loose]
+    middle = _find_middle(lower, upper, zero)
+    joined[:, loose] -= _TURN * np.asarray(np.rint((np.median(turns, axis=0) - middle) / _TURN))
     return joined
 
 
@@ -225,12 +225,6 @@ def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDA
 
 def _measure(step: Array, loose: NDArray[np.bool_]) -> Array:
     return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=1))
-
-
-def _count_turns(q: Array, lower: Array, upper: Array, neutral: Array) -> Array:
-    """Full turns by which whole recordings (n, k) stand away from their ranges, or from the default."""
-    middle = _find_middle(lower, upper, neutral)
-    return np.asarray(np.rint((np.median(q, axis=0) - middle) / _TURN))
 
 
 def _find_middle(lower: Array, upper: Array, otherwise: Array) -> Array:

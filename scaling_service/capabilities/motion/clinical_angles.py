@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.frames import (
-    ANGLES,
-    KNEE,
-    SIDES,
-    Side,
-    compute_conventional_angles,
-    level_heel,
-)
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
-from scaling_service.model.body import BodyModel, Marker, to_vector
-from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.poses import evaluate_marker, list_model_values, place_markers, pose_neutral_frames
+from scaling_service.model import body
+from scaling_service.model import compile as compiling
+from scaling_service.model import poses as posing
+from scaling_service.model.anatomy import frames as anatomy_frames
+from scaling_service.model.anatomy import lengths, markers
 from scaling_service.model.results import Motion
-from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
-from scaling_service.numerics.statistics.waveforms import NODES, normalise_cycles
+from scaling_service.numerics.multibody import tree as trees
+from scaling_service.numerics.statistics import waveforms
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 _LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")
@@ -59,7 +51,7 @@ _LOCKED = 1e-4
 """rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
 
 
-def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
+def find_clinical_landmarks(model: body.BodyModel) -> dict[str, body.Marker]:
     """The landmarks of ``Points`` that a model has.
 
     Joint centres are the model's, the others its markers of that name or alias. Where a model knows both
@@ -72,7 +64,7 @@ def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     Returns landmark to a marker at its place on a segment; without those that the model does not have.
     """
     straight = {c.name: 0.0 for c in model.coordinates if c.kind == "rotation"}
-    frames, values = pose_neutral_frames(model, straight), list_model_values(model)
+    frames, values = posing.pose_neutral_frames(model, straight), posing.list_model_values(model)
 
     def place(segment: str, local: Array) -> _Place:
         rotation, origin = frames[segment]
@@ -80,25 +72,27 @@ def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
 
     places = {
         f"{name[-1].upper()}{_CENTRES[name[:-2]]}": place(segment, np.array(at))
-        for name, (segment, at) in find_joint_centres(model).items()
+        for name, (segment, at) in lengths.find_joint_centres(model).items()
         if name[:-2] in _CENTRES
     }
     for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
         found = next((m for m in model.markers if _is_landmark(m.name, name)), None)
         if found is not None:
-            places[name] = place(found.segment, evaluate_marker(found, values))
+            places[name] = place(found.segment, posing.evaluate_marker(found, values))
     for letter in "RL":
         places |= _place_beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
         places |= _place_beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
-        places |= _place_knee_axis(places, letter, find_segment(model, "tibia", letter.lower()))
+        places |= _place_knee_axis(places, letter, lengths.find_segment(model, "tibia", letter.lower()))
         places |= _place_foot_line(places, letter)
     return {
-        name: Marker.at(name, segment, _to_local(frames[segment], point))
+        name: body.Marker.at(name, segment, _to_local(frames[segment], point))
         for name, (segment, point) in places.items()
     }
 
 
-def track_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marker]) -> dict[str, Array]:
+def track_landmarks(
+    model: body.BodyModel, motion: Motion, placed: abc.Mapping[str, body.Marker]
+) -> dict[str, Array]:
     """Landmark to its trajectory in a motion of the model, (n_frames, 3), m.
 
     NaN where it hangs on a coordinate that the recording, or this frame of it, does not determine.
@@ -108,11 +102,11 @@ def track_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marke
         if name in motion.estimated:
             q[:, k] = motion.column(name)
     names = tuple(placed)
-    where = place_markers(model.with_markers(tuple(placed.values())), names, q)
+    where = posing.place_markers(model.with_markers(tuple(placed.values())), names, q)
     return {name: where[:, k] for k, name in enumerate(names)}
 
 
-def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
+def tilt_is_seen(model: body.BodyModel, motion: Motion) -> bool:
     """Whether a marker that a motion follows shows how far the pelvis is tilted.
 
     One that lies off the line through both front spines does. A motion that follows no marker of the pelvis
@@ -121,12 +115,12 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
     front = {name: m for m in model.markers for name in ("RASIS", "LASIS") if _is_landmark(m.name, name)}
     if len(front) < 2:
         return True
-    values, pelvis = list_model_values(model), front["RASIS"].segment
-    right, left = (evaluate_marker(front[name], values) for name in ("RASIS", "LASIS"))
+    values, pelvis = posing.list_model_values(model), front["RASIS"].segment
+    right, left = (posing.evaluate_marker(front[name], values) for name in ("RASIS", "LASIS"))
     across = (right - left) / np.linalg.norm(right - left)
     seen = {name for k, name in enumerate(motion.markers) if np.isfinite(motion.residuals[:, k]).any()}
     off = [
-        float(np.linalg.norm(np.cross(evaluate_marker(m, values) - left, across)))
+        float(np.linalg.norm(np.cross(posing.evaluate_marker(m, values) - left, across)))
         for m in model.markers
         if m.segment == pelvis and m.name in seen
     ]
@@ -134,9 +128,9 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
 
 
 def _is_landmark(label: str, landmark: str) -> bool:
-    if find_canonical(label) == landmark:
+    if markers.find_canonical(label) == landmark:
         return True
-    plain = re.sub(r"[\s._-]+", "", strip_prefix(label).upper())
+    plain = re.sub(r"[\s._-]+", "", markers.strip_prefix(label).upper())
     return plain == landmark or (
         landmark[1:] == "TOE" and landmark[0] == plain[:1] and bool(_TOES.fullmatch(plain))
     )
@@ -144,10 +138,12 @@ def _is_landmark(label: str, landmark: str) -> bool:
 
 def _to_local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
     rotation, origin = frame
-    return to_vector(rotation.T @ (point - origin))
+    return body.to_vector(rotation.T @ (point - origin))
 
 
-def _place_beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
+def _place_beside(
+    places: abc.Mapping[str, _Place], centre: str, lateral: str, medial: str
+) -> dict[str, _Place]:
     """The lateral landmark beside the joint's centre, in the direction from the medial one."""
     if not {centre, lateral, medial} <= places.keys() or places[lateral][0] != places[medial][0]:
         return {}
@@ -155,7 +151,7 @@ def _place_beside(places: Mapping[str, _Place], centre: str, lateral: str, media
     return {lateral: (segment, places[centre][1] + (outside - places[medial][1]) / 2.0)}
 
 
-def _place_knee_axis(places: Mapping[str, _Place], letter: str, shank: str | None) -> dict[str, _Place]:
+def _place_knee_axis(places: abc.Mapping[str, _Place], letter: str, shank: str | None) -> dict[str, _Place]:
     """Beside the ankle as the lateral epicondyle is beside the knee, on the shank."""
     knee, lateral, ankle = (f"{letter}{name}" for name in ("KJC", "LFE", "AJC"))
     if shank is None or not {knee, lateral, ankle} <= places.keys():
@@ -163,7 +159,7 @@ def _place_knee_axis(places: Mapping[str, _Place], letter: str, shank: str | Non
     return {f"{letter}KAX": (shank, places[ankle][1] + places[lateral][1] - places[knee][1])}
 
 
-def _place_foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
+def _place_foot_line(places: abc.Mapping[str, _Place], letter: str) -> dict[str, _Place]:
     """The heel at the toe's height; the toe between the metatarsal heads where it has no own marker."""
     heel, toe, inner, outer = (f"{letter}{name}" for name in ("HEE", "TOE", "MT1", "MT5"))
     found = dict(places)
@@ -172,7 +168,10 @@ def _place_foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Pl
     if not {heel, toe} <= found.keys():
         return {}
     ends = {name: found[name][1][None] for name in (heel, toe)}
-    return {toe: found[toe], heel: (found[heel][0], level_heel(ends, "r" if letter == "R" else "l")[0])}
+    return {
+        toe: found[toe],
+        heel: (found[heel][0], anatomy_frames.level_heel(ends, "r" if letter == "R" else "l")[0]),
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -191,13 +190,13 @@ class ClinicalAngles:
 
     trial: str
     times: Array
-    values: Mapping[Side, Mapping[str, Array]]
+    values: abc.Mapping[anatomy_frames.Side, abc.Mapping[str, Array]]
     pelvis: Array
     heading: float
     left_out: tuple[str, ...] = ()
     doubtful: tuple[str, ...] = ()
     # as ``values``: standard deviations, where they were asked for
-    sd: Mapping[Side, Mapping[str, Array]] = field(default_factory=dict)
+    sd: abc.Mapping[anatomy_frames.Side, abc.Mapping[str, Array]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,12 +208,12 @@ class ClinicalCycles:
         tell it.
     """
 
-    side: Side
+    side: anatomy_frames.Side
     cycles: tuple[tuple[str, float, float], ...]
-    values: Mapping[str, Array]
+    values: abc.Mapping[str, Array]
 
 
-def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
+def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
     Joint centres and landmarks are the model's own and move with its segments (see
@@ -238,12 +237,26 @@ def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     (0.0, ('ankle and foot: the model has no heel and toe',))
     """
     points = track_landmarks(model, motion, find_clinical_landmarks(model))
-    sides = {side: compute_conventional_angles(points, side) for side in SIDES}
+    sides = {side: anatomy_frames.compute_conventional_angles(points, side) for side in anatomy_frames.SIDES}
     unknown = np.full((len(motion.times), 3), np.nan)
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
     way = pelvis[np.isfinite(pelvis).all(axis=1)]
-    heading = _find_heading(way, _find_axis_faced(sides["r"].get("pelvis_internal_rotation")))
-    free = {side: _drop_locked(angles) for side, angles in sides.items()}
+    # The axis of the laboratory nearest to where a pelvis faces, rad from x; x where that is not known.
+    rotation = sides["r"].get("pelvis_internal_rotation")
+    known = np.zeros(0) if rotation is None else rotation[np.isfinite(rotation)]
+    if not len(known):
+        faced = 0.0
+    else:
+        faced = float(np.round(np.angle(np.exp(1j * known).mean()) / (np.pi / 2.0)) * (np.pi / 2.0))
+    heading = _find_heading(way, faced)
+    free = {}
+    for side, angles in sides.items():
+        # Without turns that the model's knee cannot make: they say nothing of the person.
+        bends = "knee_flexion" in angles and _measure_range(angles["knee_flexion"]) > 100.0 * _LOCKED
+        locked = [
+            name for name in anatomy_frames.KNEE[1:] if bends and _measure_range(angles[name]) < _LOCKED
+        ]
+        free[side] = {name: value for name, value in angles.items() if name not in locked}
     values = {side: _measure_against(angles, side, heading) for side, angles in free.items()}
     left_out = tuple(_list_left_out(sides, values))
     doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
@@ -258,11 +271,13 @@ def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     )
 
 
-AngleRates = Callable[[Array], Array]
+AngleRates = abc.Callable[[Array], Array]
 """Of coordinates (n_frames, n_coordinates) how angles change, (n_frames, n_angles, n_coordinates)."""
 
 
-def compute_clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ...], AngleRates]:
+def compute_clinical_rates(
+    model: body.BodyModel,
+) -> tuple[tuple[tuple[anatomy_frames.Side, str], ...], AngleRates]:
     """Side and name of every conventional angle of a model, and how they change with its coordinates.
 
     The landmarks' rates are exact; the angles of landmarks are differenced along each.
@@ -270,17 +285,21 @@ def compute_clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ..
     placed = find_clinical_landmarks(model)
     names = tuple(placed)
     carrier = model.with_markers(tuple(placed.values()))
-    tree, p = compile_model(carrier, names), list_parameter_values(carrier)
+    tree, p = compiling.compile_model(carrier, names), compiling.list_parameter_values(carrier)
 
-    def compute_angles(where: Array) -> dict[tuple[Side, str], Array]:
+    def compute_angles(where: Array) -> dict[tuple[anatomy_frames.Side, str], Array]:
         points = {name: where[k].T for k, name in enumerate(names)}
-        return {(s, a): v for s in SIDES for a, v in compute_conventional_angles(points, s).items()}
+        return {
+            (s, a): v
+            for s in anatomy_frames.SIDES
+            for a, v in anatomy_frames.compute_conventional_angles(points, s).items()
+        }
 
     def compute_rates(q: Array) -> Array:
         n, count = q.shape
-        poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-        where = place_tree_markers(tree, poses)
-        change = _STEP * compute_jacobian(tree, poses, where, np.arange(count))
+        poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
+        where = trees.place_tree_markers(tree, poses)
+        change = _STEP * trees.compute_jacobian(tree, poses, where, np.arange(count))
         moved = where[None, None] + np.stack([change, -change])  # (2, n_coordinates, n_landmarks, 3, n)
         ends = np.stack(
             list(compute_angles(np.moveaxis(moved, (2, 3), (0, 1)).reshape(len(names), 3, -1)).values())
@@ -292,7 +311,7 @@ def compute_clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ..
 
 
 def cut_clinical_cycles(
-    recordings: Iterable[tuple[ClinicalAngles, Sequence[Cycle]]], side: Side
+    recordings: abc.Iterable[tuple[ClinicalAngles, abc.Sequence[Cycle]]], side: anatomy_frames.Side
 ) -> ClinicalCycles | None:
     """Cut the angles of one side at its gait cycles, each on the nodes 0, 1, … 100 %.
 
@@ -307,19 +326,19 @@ def cut_clinical_cycles(
     whole = [entry for entry in cut if entry[2]]
     if not whole:
         return None
-    unknown = np.full(NODES, np.nan)
+    unknown = np.full(waveforms.NODES, np.nan)
     return ClinicalCycles(
         side,
         tuple((trial, start, end) for trial, (start, end), _ in whole),
         {
             name: np.stack([curves.get(name, unknown) for _, _, curves in whole])
-            for name in ANGLES
+            for name in anatomy_frames.ANGLES
             if any(name in curves for _, _, curves in whole)
         },
     )
 
 
-def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
+def _cut(angles: ClinicalAngles, cycle: Cycle, side: anatomy_frames.Side) -> dict[str, Array]:
     """The angles known all along one cycle, each (n_nodes,), rad."""
     times, (start, end) = angles.times, cycle
     rows = slice(
@@ -332,11 +351,15 @@ def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
     way = angles.pelvis[rows][np.isfinite(angles.pelvis[rows]).all(axis=1)]
     turned = _measure_against(within, side, _find_heading(way, angles.heading) - angles.heading)
     smooth = np.unwrap(np.column_stack(list(turned.values())), axis=0)
-    curves = normalise_cycles(times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=NODES)
+    curves = waveforms.normalise_cycles(
+        times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=waveforms.NODES
+    )
     return dict(zip(turned, curves[0], strict=True))
 
 
-def _measure_against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[str, Array]:
+def _measure_against(
+    angles: abc.Mapping[str, Array], side: anatomy_frames.Side, heading: float
+) -> dict[str, Array]:
     """The same angles, those against the walking direction counted from ``heading`` further, rad."""
     own = heading if side == "r" else -heading
     return {
@@ -351,29 +374,15 @@ def _find_heading(way: Array, otherwise: float = 0.0) -> float:
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
 
 
-def _find_axis_faced(rotation: Array | None) -> float:
-    """The axis of the laboratory nearest to where a pelvis faces, rad from x; x where that is not known."""
-    known = np.zeros(0) if rotation is None else rotation[np.isfinite(rotation)]
-    if not len(known):
-        return 0.0
-    return float(np.round(np.angle(np.exp(1j * known).mean()) / (np.pi / 2.0)) * (np.pi / 2.0))
-
-
-def _drop_locked(angles: Mapping[str, Array]) -> dict[str, Array]:
-    """Without turns that the model's knee cannot make: they say nothing of the person."""
-    bends = "knee_flexion" in angles and _measure_range(angles["knee_flexion"]) > 100.0 * _LOCKED
-    locked = [name for name in KNEE[1:] if bends and _measure_range(angles[name]) < _LOCKED]
-    return {name: value for name, value in angles.items() if name not in locked}
-
-
 def _measure_range(angle: Array) -> float:
     known = angle[np.isfinite(angle)]
     return float(np.ptp(known)) if len(known) else 0.0
 
 
 def _list_left_out(
-    sides: Mapping[Side, Mapping[str, Array]], values: Mapping[Side, Mapping[str, Array]]
-) -> Iterable[str]:
+    sides: abc.Mapping[anatomy_frames.Side, abc.Mapping[str, Array]],
+    values: abc.Mapping[anatomy_frames.Side, abc.Mapping[str, Array]],
+) -> abc.Iterable[str]:
     """What the model does not have or locks, and what the recording does not determine."""
     names = set().union(*sides.values())
     reasons = {
@@ -386,7 +395,11 @@ def _list_left_out(
     told_with = {"hip_flexion": "pelvis_anterior_tilt", "ankle_dorsiflexion": "foot_internal_progression"}
     absent = [name for name in reasons if name not in names]
     yield from (reasons[name] for name in absent if told_with.get(name) not in absent)
-    locked = [name for name in KNEE if any(name in sides[s] and name not in values[s] for s in values)]
+    locked = [
+        name
+        for name in anatomy_frames.KNEE
+        if any(name in sides[s] and name not in values[s] for s in values)
+    ]
     if locked:
         yield f"{' and '.join(name.replace('_', ' ') for name in locked)}: the model's knee does not turn so"
     hidden = [

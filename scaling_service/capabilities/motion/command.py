@@ -9,25 +9,17 @@ import typer
 from rich.markup import escape
 
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.shared.flags import Out, Tables, with_flags
-from scaling_service.capabilities.shared.screen import (
-    describe_understood,
-    list_files,
-    make_console,
-    print_table,
-    running,
-    say,
-)
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.core.text import list_few
 from scaling_service.report.tables import Row, Table
 
 COMMANDS = ("ik",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.motion.document import MotionDocument
+    from scaling_service.capabilities.motion.result import MotionDocument
 
 
-@with_flags
+@flags.with_flags
 def ik(
     model: Annotated[
         str,
@@ -43,7 +35,7 @@ def ik(
             metavar="RECORDING…", help="C3D, TRC or STO files.", show_default=False, readable=False
         ),
     ],
-    out: Out,
+    out: flags.Out,
     options: MotionOptions,
     marker_set: Annotated[
         Path | None,
@@ -57,7 +49,7 @@ def ik(
             readable=False,
         ),
     ] = None,
-    tables: Tables = "",
+    tables: flags.Tables = "",
 ) -> None:
     """Use a scaled model again: the motion of any recordings, with its standard deviations.
 
@@ -68,7 +60,7 @@ def ik(
 
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.motion.run import ik as compute
         from scaling_service.capabilities.motion.saving import save_motions
         from scaling_service.capabilities.shared.tables import make_table_writer
@@ -84,9 +76,9 @@ def ik(
 
 def show(document: MotionDocument, out: Path) -> None:
     """The table of trials, the warnings, and what was written."""
-    console = make_console()
+    console = screen.make_console()
     console.print(f"Model [bold]{escape(document.model)}[/bold]", highlight=False, soft_wrap=True)
-    for line in describe_understood(document):
+    for line in screen.describe_understood(document):
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
     rows = []
     for name, trial in document.trials.items():
@@ -95,11 +87,13 @@ def show(document: MotionDocument, out: Path) -> None:
         numbers = ["–" if v is None else f"{v:.1f}" for v in (error.mean, error.rms, error.max)]
         rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
     columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]
-    print_table(console, Table(caption="", columns=columns, rows=rows))
+    screen.print_table(console, Table(caption="", columns=columns, rows=rows))
     turned = {name: t.rotation_error_deg for name, t in document.trials.items() if t.rotation_error_deg}
     if turned:
         labels = list(dict.fromkeys(label for errors in turned.values() for label in errors))
         rows = [Row(x, [f"{e[x]:.1f}" if x in e else "–" for e in turned.values()]) for x in labels]
-        print_table(console, Table(caption="", columns=["Rotation error, deg, RMS", *turned], rows=rows))
-    say(console, "Note", "yellow", document.warnings)
-    list_files(console, out, [", ".join([*document.files, "ik.json"])])
+        screen.print_table(
+            console, Table(caption="", columns=["Rotation error, deg, RMS", *turned], rows=rows)
+        )
+    screen.say(console, "Note", "yellow", document.warnings)
+    screen.list_files(console, out, [", ".join([*document.files, "ik.json"])])

@@ -14,10 +14,10 @@ from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.rigid import MIN_POINTS
 from scaling_service.numerics.multibody.sweep import MotionSolution
-from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 Index = NDArray[np.intp]
 Solve = Callable[[Index, Array], MotionSolution]
@@ -55,7 +55,7 @@ class Limb:
     parent: int  # among the limbs; NONE for one on the ground
 
 
-def list_limbs(tree: Tree, free: NDArray[np.bool_]) -> tuple[Limb, ...]:
+def list_limbs(tree: trees.Tree, free: NDArray[np.bool_]) -> tuple[Limb, ...]:
     """The limbs of a tree that carry markers, parents first.
 
     ``free`` (n_coordinates,): the coordinates that are estimated.
@@ -64,7 +64,7 @@ def list_limbs(tree: Tree, free: NDArray[np.bool_]) -> tuple[Limb, ...]:
 
 
 @lru_cache(maxsize=_TREES)
-def _list_limbs(tree: Tree, chosen: bytes) -> tuple[Limb, ...]:
+def _list_limbs(tree: trees.Tree, chosen: bytes) -> tuple[Limb, ...]:
     free = np.frombuffer(chosen, dtype=bool)
     own = [{v for v in vs if v < tree.n_coordinates and free[v]} for vs in tree.variables]
     below = [set(each) for each in own]
@@ -85,7 +85,9 @@ def _list_limbs(tree: Tree, chosen: bytes) -> tuple[Limb, ...]:
 
 def _measure_markers(task: Task, rows: Index, q: Array) -> Array:
     """Weighted squared distances of the markers, (n_rows, n_markers), m2; zero where not seen."""
-    placed = place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(q.T), task.p))
+    placed = trees.place_tree_markers(
+        task.tree, trees.pose_links(task.tree, np.ascontiguousarray(q.T), task.p)
+    )
     squares = np.square(task.measured[rows] - np.moveaxis(placed, -1, 0)).sum(axis=2) * task.weights
     return np.asarray(np.where(np.isnan(squares), 0.0, squares))
 

@@ -6,27 +6,22 @@ deviation holds what the model's own numbers leave open. What a joint's range ho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from scaling_service.capabilities.motion import uncertainty
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import (
-    CoordinateSd,
-    Mask,
-    cover_with_skin,
-    find_lost,
-)
-from scaling_service.model.body import BodyModel, ParameterPosterior
+from scaling_service.model import body
+from scaling_service.model import people as population
 from scaling_service.model.compile import to_piecewise
 from scaling_service.model.freed import free_named
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.posterior import propagate, solve_poses, split_rows
-from scaling_service.numerics.least_squares.whitening import ErrorGroup, GaussianPrior, PosteriorProblem
+from scaling_service.numerics.least_squares import posterior as posteriors
+from scaling_service.numerics.least_squares import whitening
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import evaluate_local_positions
 
@@ -34,14 +29,14 @@ _EXPECTED_ANEW = 3  # chosen: times that laws of coordinates are linearised; the
 
 
 def pose_problem(
-    freed: BodyModel,
+    freed: body.BodyModel,
     trial: Trial,
-    people: People,
+    people: population.People,
     *,
-    prior: GaussianPrior,
+    prior: whitening.GaussianPrior,
     shares: Array,
     lawful: bool = True,
-) -> tuple[PosteriorProblem, Task]:
+) -> tuple[whitening.PosteriorProblem, Task]:
     """The markers of some frames; those of one segment err together as far as skin moves.
 
     ``freed``: a model whose parameters are those of ``prior``. ``shares`` (n_frames,): how much of each frame
@@ -59,20 +54,20 @@ def pose_problem(
         if (on & stated).any():
             own = np.flatnonzero(on & stated)
             sizes = np.array([noise[k] for k in own], dtype=float)
-            groups.append(ErrorGroup(own, np.diag(np.repeat(np.square(sizes), 3))))
+            groups.append(whitening.ErrorGroup(own, np.diag(np.repeat(np.square(sizes), 3))))
         rows = np.flatnonzero(on & ~stated)
         if not len(rows):
             continue
         names = [task.markers[k] for k in rows]
         share = people.loose_share if lawful else 1.0
-        skin = cover_with_skin(freed.bone_of(segment), people, told, names, places[rows], share)
-        groups.append(ErrorGroup(rows, skin + instrument * np.eye(3 * len(rows)), instrument))
+        skin = uncertainty.cover_with_skin(freed.bone_of(segment), people, told, names, places[rows], share)
+        groups.append(whitening.ErrorGroup(rows, skin + instrument * np.eye(3 * len(rows)), instrument))
     coordinates = np.flatnonzero(task.free)
     ranges = task.ranges
     held = ranges.weight[:, coordinates] > 0.0
     precision = np.where(held, 1.0 / np.square(ranges.spread[coordinates]), 0.0)
     within = (precision[:, :, None] * np.eye(len(coordinates)), precision * ranges.middle[coordinates])
-    problem = PosteriorProblem(
+    problem = whitening.PosteriorProblem(
         tree=task.tree,
         measured=task.measured,
         shares=shares,
@@ -84,7 +79,7 @@ def pose_problem(
     return problem, task
 
 
-def _expect(problem: PosteriorProblem, task: Task, q: Array) -> PosteriorProblem:
+def _expect(problem: whitening.PosteriorProblem, task: Task, q: Array) -> whitening.PosteriorProblem:
     """With what the model expects of its coordinates, linear about a motion that is nearly the answer."""
     expectations = task.model.expectations
     if not expectations:
@@ -111,7 +106,7 @@ def _expect(problem: PosteriorProblem, task: Task, q: Array) -> PosteriorProblem
     return replace(problem, held=(precision, pull))
 
 
-def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> Array:
+def unpack_covariance(posterior: body.ParameterPosterior, names: tuple[str, ...]) -> Array:
     """Covariance of some of the parameters, in their order, (n, n)."""
     count = len(posterior.names)
     alike = np.zeros((count, count))
@@ -122,7 +117,7 @@ def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> 
     return np.asarray((alike * np.outer(sds, sds))[np.ix_(rows, rows)])
 
 
-def pack_posterior(model: BodyModel, names: Sequence[str], covariance: Array) -> BodyModel:
+def pack_posterior(model: body.BodyModel, names: abc.Sequence[str], covariance: Array) -> body.BodyModel:
     """The model with how well these of its parameters are known, beside what was known of others before.
 
     ``covariance`` (n, n). Those of both are taken as independent.
@@ -141,67 +136,62 @@ def pack_posterior(model: BodyModel, names: Sequence[str], covariance: Array) ->
     return replace(model, posterior=told)
 
 
-def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task, tuple[str, ...]]:
-    known = _take_posterior(model)
-    freed = free_named(model, known.names)
-    names = tuple(p.name for p in freed.parameters)
-    ones = np.ones(trial.n_frames)
-    people = read_people().with_skin(known.skin)
-    prior = GaussianPrior(names)
-    lawful = holds_skin(model)
-    problem, task = pose_problem(freed, trial, people, prior=prior, shares=ones, lawful=lawful)
-    return problem, task, names
-
-
-def knows_people(model: BodyModel) -> bool:
+def knows_people(model: body.BodyModel) -> bool:
     """Whether a model holds more of its person than plain inverse kinematics uses."""
     return bool(model.posterior or model.expectations or any(m.noise is not None for m in model.markers))
 
 
-def holds_skin(model: BodyModel) -> bool:
+def holds_skin(model: body.BodyModel) -> bool:
     """Whether a model was estimated with how skin follows its joints, not only how frames are mounted."""
     mounted = {p.name for p in model.parameters if p.group == "mounting"}
     return model.posterior is not None and not mounted.issuperset(model.posterior.names)
 
 
-def _take_posterior(model: BodyModel) -> ParameterPosterior:
-    return model.posterior or ParameterPosterior(names=(), sds=(), correlations=())
+def _take_posterior(model: body.BodyModel) -> body.ParameterPosterior:
+    return model.posterior or body.ParameterPosterior(names=(), sds=(), correlations=())
 
 
-def follow_everyday(model: BodyModel, trial: Trial, q: Array) -> Array:
+def follow_everyday(model: body.BodyModel, trial: Trial, q: Array) -> Array:
     """The likeliest coordinates where skin wanders as people's does, (n_frames, n_coordinates).
 
     ``model``: one that knows of people. ``q``: by plain least squares.
     """
-    people, ones = read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
-    prior, lawful = GaussianPrior(()), holds_skin(model)
+    people, ones = population.read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
+    prior, lawful = whitening.GaussianPrior(()), holds_skin(model)
     problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
     for _ in range(_EXPECTED_ANEW if model.expectations else 1):
-        q = solve_poses(_expect(problem, task, q), q, task.p)
+        q = posteriors.solve_poses(_expect(problem, task, q), q, task.p)
     return q
 
 
 def estimate_everyday_sd(
-    model: BodyModel,
+    model: body.BodyModel,
     trial: Trial,
     task: Task,
     q: Array,
-    known: Mask,
-    rates: Callable[[Array], Array] | None = None,
-) -> CoordinateSd:
+    known: uncertainty.Mask,
+    rates: abc.Callable[[Array], Array] | None = None,
+) -> uncertainty.CoordinateSd:
     """Deviations of coordinates from skin that wanders and from all numbers of a model with a posterior.
 
     ``task``: of the model and the trial. ``q`` (n_frames, n_coordinates): their mean. ``known``: where the
     markers determine a coordinate. ``rates``: see
     :func:`scaling_service.capabilities.motion.uncertainty.estimate_coordinate_sd`.
     """
-    problem, freed, names = _free_again(model, trial)
+    posterior = _take_posterior(model)
+    open_model = free_named(model, posterior.names)
+    names = tuple(p.name for p in open_model.parameters)
+    ones = np.ones(trial.n_frames)
+    people = population.read_people().with_skin(posterior.skin)
+    prior = whitening.GaussianPrior(names)
+    lawful = holds_skin(model)
+    problem, freed = pose_problem(open_model, trial, people, prior=prior, shares=ones, lawful=lawful)
     problem = _expect(problem, freed, q)
     free = problem.coordinates
     # Skin is seen anew after twice its time of correlation
-    alike = max(2.0 * read_people().loose_s * trial.rate_hz, 1.0)
+    alike = max(2.0 * population.read_people().loose_s * trial.rate_hz, 1.0)
     own = unpack_covariance(_take_posterior(model), names)
-    covariance, of_mean = propagate(problem, q, freed.p, own, known[:, free], alike)
+    covariance, of_mean = posteriors.propagate(problem, q, freed.p, own, known[:, free], alike)
     sd = np.zeros(q.shape)
     sd[:, free] = np.sqrt(np.einsum("nii->ni", covariance))
     sd[~known & task.free] = np.nan
@@ -211,11 +201,11 @@ def estimate_everyday_sd(
     noise = noise[[not task.model.marker(name).is_direction for name in task.markers]]
     combined = None
     if rates is not None:
-        change = np.concatenate([rates(q[rows]) for rows in split_rows(len(q))])
+        change = np.concatenate([rates(q[rows]) for rows in posteriors.split_rows(len(q))])
         moved = change[:, :, free]
         combined = np.sqrt(np.einsum("nkf,nfg,nkg->nk", moved, covariance, moved, optimize=True))
-        combined = np.where(find_lost(change, ~known & task.free), np.nan, combined)
+        combined = np.where(uncertainty.find_lost(change, ~known & task.free), np.nan, combined)
     lower, upper = task.bounds
     at_end, mean = ((q <= lower) | (q >= upper)) & task.free, np.zeros(q.shape[1])
     mean[free] = of_mean
-    return CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=combined, mean=mean)
+    return uncertainty.CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=combined, mean=mean)

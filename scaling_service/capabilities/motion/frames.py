@@ -5,34 +5,31 @@ See :mod:`.mounting`, which decides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
+from collections import abc
 from dataclasses import dataclass, replace
-from itertools import permutations, product
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import find_joint_ends
 from scaling_service.model.anatomy.rotations import (
     RotationTable,
 )
-from scaling_service.model.body import BodyModel, Joint, Law, Marker, Parameter, Segment, Term, to_vector
 from scaling_service.model.freed import UNBOUNDED
 from scaling_service.model.parameters import LETTERS, UNITS
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Rotations, Trial
-from scaling_service.numerics.multibody.rigid import (
-    convert_rotation_to_vector,
-    find_nearest_rotation,
-)
+from scaling_service.numerics.multibody import rigid
 
 MARKER_M = 0.010  # the marker beside which rotations are weighed; motion/ranges.py has its source
 HEADING = "heading"
 _HEADINGS_DEG = 30.0  # chosen: step of the headings that are tried; steps of Gauss-Newton go on from the best
 _SHAPES = tuple(
     turn
-    for order in permutations(range(3))
-    for signs in product((1.0, -1.0), repeat=3)
+    for order in itertools.permutations(range(3))
+    for signs in itertools.product((1.0, -1.0), repeat=3)
     if np.linalg.det(turn := np.diag(signs)[list(order)]) > 0.0
 )
 """The 24 ways to name the axes of a frame."""
@@ -73,8 +70,8 @@ class Hypothesis:
 
     told: str
     turn: Array
-    before: Mapping[str, Array]
-    after: Mapping[str, Array]
+    before: abc.Mapping[str, Array]
+    after: abc.Mapping[str, Array]
     heading: float | None = None  # rad; None where a person's heading is not told by a pose
     calibrated: bool = False
 
@@ -93,7 +90,7 @@ def take_rotation(trial: Trial, label: str) -> Array:
     return held.matrices[:, held.labels.index(label)]
 
 
-def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> Noise:
+def measure_noise(table: RotationTable, trials: abc.Sequence[Trial], label: str) -> Noise:
     """The whole of it is people's; the white part is measured, and what is left of the whole lasts.
 
     White noise of variance v has third differences of 20 v, and a movement hardly any at a camera's rate.
@@ -101,7 +98,7 @@ def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> 
     found = [np.zeros((0, 3))]
     for trial in trials:
         turns = take_rotation(trial, label)
-        steps = convert_rotation_to_vector(
+        steps = rigid.convert_rotation_to_vector(
             np.where(np.isfinite(turns[:-1]), turns[:-1].swapaxes(1, 2), np.nan) @ turns[1:]
         )
         found.append(np.diff(steps, n=2, axis=0))
@@ -112,15 +109,15 @@ def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> 
 
 
 def list_hypotheses(
-    model: BodyModel,
+    model: body.BodyModel,
     table: RotationTable,
-    trials: Sequence[Trial],
-    segments: Mapping[str, str],
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
     standing: Trial | None,
     *,
-    placed: Mapping[str, Array],
+    placed: abc.Mapping[str, Array],
     turned: bool,
-) -> Iterator[Hypothesis]:
+) -> abc.Iterator[Hypothesis]:
     """What the frames may be, of a markerless system one, of sensors several; options as of ``mount``."""
     same = dict.fromkeys(segments, np.eye(3))
     if get_rotations(trials[0]).of == "segments":
@@ -168,12 +165,12 @@ def list_hypotheses(
 def average_rotations(turns: Array) -> Array | None:
     """The mean of some rotations (n, 3, 3); None where all are unknown."""
     known = turns[np.isfinite(turns).all(axis=(1, 2))]
-    return find_nearest_rotation(known.mean(axis=0)) if len(known) else None
+    return rigid.find_nearest_rotation(known.mean(axis=0)) if len(known) else None
 
 
 def _list_axes(
-    table: RotationTable, trials: Sequence[Trial], segments: Mapping[str, str]
-) -> Iterator[Hypothesis]:
+    table: RotationTable, trials: abc.Sequence[Trial], segments: abc.Mapping[str, str]
+) -> abc.Iterator[Hypothesis]:
     """The axes of a markerless system: as documented; others where pelvis, trunk and legs point otherwise.
 
     Up is the axis that is nearest to the vertical on average, and right the one along the line of the hips.
@@ -213,24 +210,24 @@ def _list_axes(
     )
 
 
-def _list_upright(segments: Mapping[str, str]) -> list[str]:
+def _list_upright(segments: abc.Mapping[str, str]) -> list[str]:
     """Labels of what stands more or less upright, all where nothing does."""
     return [x for x, name in segments.items() if name.lower().startswith(_UPRIGHT)] or list(segments)
 
 
-def _average_plain(trials: Sequence[Trial], label: str) -> Array | None:
+def _average_plain(trials: abc.Sequence[Trial], label: str) -> Array | None:
     every = np.concatenate([take_rotation(trial, label) for trial in trials])
     known = every[np.isfinite(every).all(axis=(1, 2))]
     return known.mean(axis=0) if len(known) else None
 
 
-def _turn_by(matrix: Array) -> tuple[Joint, ...]:
+def _turn_by(matrix: Array) -> tuple[body.Joint, ...]:
     """A constant rotation as a joint."""
-    vector = convert_rotation_to_vector(matrix)
+    vector = rigid.convert_rotation_to_vector(matrix)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
         return ()
-    return (Joint("rotation", to_vector(vector / angle), Law.constant(angle)),)
+    return (body.Joint("rotation", body.to_vector(vector / angle), body.Law.constant(angle)),)
 
 
 def name_parameters(label: str) -> list[str]:
@@ -239,13 +236,13 @@ def name_parameters(label: str) -> list[str]:
 
 
 def add_frames(
-    model: BodyModel,
-    segments: Mapping[str, str],
-    noise: Mapping[str, Noise],
+    model: body.BodyModel,
+    segments: abc.Mapping[str, str],
+    noise: abc.Mapping[str, Noise],
     chosen: Hypothesis,
     table: RotationTable | None,
-    trials: Sequence[Trial],
-) -> BodyModel:
+    trials: abc.Sequence[Trial],
+) -> body.BodyModel:
     """The model with a frame for every rotation, its directions as markers, and its mounting as parameters.
 
     ``table``: where given, hips that a markerless system tells are points of the pelvis, too.
@@ -257,30 +254,30 @@ def add_frames(
     for label, segment in segments.items():
         if label not in chosen.after:
             continue
-        heading: tuple[Joint, ...] = ()
+        heading: tuple[body.Joint, ...] = ()
         if chosen.heading is not None:
-            heading = (Joint("rotation", about_y, Law((Term(-1.0, parameter=HEADING),))),)
+            heading = (body.Joint("rotation", about_y, body.Law((body.Term(-1.0, parameter=HEADING),))),)
         names = name_parameters(label)
         turns = tuple(
-            Joint("rotation", axis, Law((Term(1.0, parameter=name),)))
+            body.Joint("rotation", axis, body.Law((body.Term(1.0, parameter=name),)))
             for axis, name in zip(UNITS, names, strict=True)
         )
         joints = (*_turn_by(chosen.before[label]), *heading, *_turn_by(chosen.after[label]), *turns)
         frame = f"frame of {label}"
-        added.append(Segment(name=frame, parent=segment, joint_name=frame, joints=joints))
+        added.append(body.Segment(name=frame, parent=segment, joint_name=frame, joints=joints))
         parameters += [_make_parameter(name, 0.0) for name in names]
         own = noise[label]
         size = float(np.sqrt(2.0) * own.arm * own.passing)
         for letter, axis in zip(LETTERS, own.arm * np.eye(3), strict=True):
-            tip = Marker.at(f"{label}@{letter}", frame, to_vector(axis))
+            tip = body.Marker.at(f"{label}@{letter}", frame, body.to_vector(axis))
             markers.append(replace(tip, is_direction=True, noise=size, follows_size=False))
     for label, side in _list_hips(segments, trials) if table is not None else ():
         ends, pelvis = find_joint_ends(model, "hip", side), model.segment(segments[label]).parent
         if table is not None and pelvis in ends:
             frame = f"origin of {label}"
-            added.append(Segment(name=frame, parent=pelvis, joint_name=frame, joints=()))
+            added.append(body.Segment(name=frame, parent=pelvis, joint_name=frame, joints=()))
             weight = (MARKER_M / table.centre) ** 2
-            point = Marker.at(f"{label}@origin", frame, to_vector(ends[pelvis]), weight=weight)
+            point = body.Marker.at(f"{label}@origin", frame, body.to_vector(ends[pelvis]), weight=weight)
             markers.append(replace(point, noise=table.centre))
     return replace(
         model,
@@ -290,13 +287,13 @@ def add_frames(
     )
 
 
-def _make_parameter(name: str, value: float) -> Parameter:
-    return Parameter(
+def _make_parameter(name: str, value: float) -> body.Parameter:
+    return body.Parameter(
         name=name, value=value, unit="rad", lower=-UNBOUNDED, upper=UNBOUNDED, group="mounting", target=name
     )
 
 
-def _list_hips(segments: Mapping[str, str], trials: Sequence[Trial]) -> Iterator[tuple[str, str]]:
+def _list_hips(segments: abc.Mapping[str, str], trials: abc.Sequence[Trial]) -> abc.Iterator[tuple[str, str]]:
     """Labels of thighs whose origins are told, and their sides."""
     told = {x for t in trials if get_rotations(t).origins is not None for x in get_rotations(t).labels}
     for label, segment in segments.items():
@@ -305,7 +302,7 @@ def _list_hips(segments: Mapping[str, str], trials: Sequence[Trial]) -> Iterator
 
 
 def add_directions(
-    trial: Trial, segments: Mapping[str, str], noise: Mapping[str, Noise], chosen: Hypothesis
+    trial: Trial, segments: abc.Mapping[str, str], noise: abc.Mapping[str, Noise], chosen: Hypothesis
 ) -> Trial:
     """The recording with the axes of its rotations, and the hips that these tell, as further markers."""
     held, labels, columns = get_rotations(trial), list(trial.labels), [trial.markers]

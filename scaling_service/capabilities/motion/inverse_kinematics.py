@@ -7,47 +7,38 @@ coarse motion, so that two or three steps are left for each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from scaling_service.capabilities.motion import doubts as motion_doubts
+from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
-from scaling_service.capabilities.motion.doubts import (
-    Solve,
-    find_far,
-    find_held,
-    find_jumps,
-    find_outlying,
-)
 from scaling_service.capabilities.motion.everyday import follow_everyday
 from scaling_service.capabilities.motion.loops import follow_neighbours
-from scaling_service.capabilities.motion.restarts import choose_minima, confirm_doubts
 from scaling_service.capabilities.motion.solving import solve_from
-from scaling_service.capabilities.motion.steady import COARSE_S, hold_steady
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import sweep, tree
 from scaling_service.numerics.multibody.closure import CLOSED
-from scaling_service.numerics.multibody.sweep import (
-    MotionSolution,
-    SweepSettings,
-)
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
-_ROUGH = SweepSettings(left=2e-2)
+_ROUGH = sweep.SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
-_FINE = SweepSettings(close=True)
-_PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
-_RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
+_FINE = sweep.SweepSettings(close=True)
+_PROBE = sweep.SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
+_RELEASE = sweep.SweepSettings(
+    max_steps=3
+)  # chosen: enough to see that limits hold a limb far off its markers
 _MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
@@ -60,11 +51,11 @@ def inverse_kinematics(
     model: BodyModel,
     trial: Trial,
     *,
-    weights: Mapping[str, float] | None = None,
-    loss: Loss = SQUARED,
+    weights: abc.Mapping[str, float] | None = None,
+    loss: problem.Loss = problem.SQUARED,
     bounded: bool = True,
     start: Array | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: abc.Callable[[int], None] | None = None,
 ) -> Motion:
     """Coordinates that bring the model nearest to the measured markers in every frame.
 
@@ -111,14 +102,14 @@ def inverse_kinematics(
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
     solution = solve_task(task, trial.times, start, progress)
-    if model.posterior is not None and weights is None and loss is SQUARED:
+    if model.posterior is not None and weights is None and loss is problem.SQUARED:
         solution = replace(solution, q=follow_everyday(model, trial, solution.q))
     return make_motion(task, trial, solution)
 
 
 def solve_task(
-    task: Task, times: Array, start: Array | None = None, progress: Callable[[int], None] | None = None
-) -> MotionSolution:
+    task: Task, times: Array, start: Array | None = None, progress: abc.Callable[[int], None] | None = None
+) -> sweep.MotionSolution:
     """The coordinates alone; see :func:`inverse_kinematics`.
 
     The first solution keeps to the ranges that the model declares, whether or not they bind: an
@@ -127,11 +118,16 @@ def solve_task(
     n = len(times)
     if start is not None:
         return solve_from(task, slice(None), start, progress)
-    neutral = repeat_default_pose(task.model, 1)[0]
-    stride = _choose_stride(times)
+    neutral = compiling.repeat_default_pose(task.model, 1)[0]
+    if len(times) < _SHORT:
+        stride = 1
+    else:
+        step = float(np.median(np.diff(times)))
+        regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
+        stride = max(1, round(steady.COARSE_S / step)) if regular else 1
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = guess_start(task.tree, task.measured[rows], neutral, task.p, task.free)
-    within = replace(task, bounds=list_coordinate_ranges(task.model))
+    within = replace(task, bounds=compiling.list_coordinate_ranges(task.model))
     if stride == 1:
         rough = solve_from(within, rows, guess, settings=_ROUGH)
     else:
@@ -147,46 +143,43 @@ def solve_task(
         fine = solve_from(task, slice(None), close, progress, _FINE)
         fine = free_trapped(fine, lambda some, near: solve_from(task, some, near))
         return follow_neighbours(fine, times, lambda some, near: solve_from(task, some, near))
-    natural = _doubt(within, times[rows], rows, natural)
+    # The frames as they were found, or sought again from many starts where something speaks against them
+    moments = times[rows]
+    part = within.in_frames(rows)
+    free = replace(within, bounds=(np.full(len(within.free), -np.inf), np.full(len(within.free), np.inf)))
+    continuous = join_branches(within.tree, natural.q, within.bounds, within.bounds, natural.q[0])
+    doubts = motion_doubts.find_held(part, natural.q, _solver(free, rows, _RELEASE))
+    doubts |= motion_doubts.find_outlying(
+        part, natural.q, np.flatnonzero(natural.cost > _find_limit(natural.cost))
+    )
+    far, jumps = (
+        motion_doubts.find_far(part, natural.q),
+        motion_doubts.find_jumps(part, moments, continuous),
+    )
+    doubts |= far
+    sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
+    if sure or (
+        doubts.any() and restarts.confirm_doubts(part, natural, doubts, _solver(within, rows, _PROBE))
+    ):
+        natural = restarts.choose_minima(part, moments, natural, doubts | jumps, _solver(within, rows))
     joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
     close = joined if stride == 1 else _interpolate(times, rows, joined)
     fine = free_trapped(
         solve_from(task, slice(None), close, progress, _FINE), lambda some, near: solve_from(task, some, near)
     )
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
-    return hold_steady(task, times, fine)
+    return steady.hold_steady(task, times, fine)
 
 
-def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH) -> Solve:
+def _solver(
+    task: Task, rows: NDArray[np.intp], settings: sweep.SweepSettings = _ROUGH
+) -> motion_doubts.Solve:
     """How frames among ``rows`` are solved from given starts."""
     return lambda some, near: solve_from(task, rows[some], near, settings=settings)
 
 
-def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
-    """The frames as they were found, or sought again from many starts where something speaks against them."""
-    part = task.in_frames(rows)
-    free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
-    joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
-    doubts = find_held(part, found.q, _solver(free, rows, _RELEASE))
-    doubts |= find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
-    far, jumps = find_far(part, found.q), find_jumps(part, times, joined)
-    doubts |= far
-    sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
-    if sure or (doubts.any() and confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
-        return choose_minima(part, times, found, doubts | jumps, _solver(task, rows))
-    return found
-
-
 def _find_limit(cost: Array) -> float:
     return _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
-
-
-def _choose_stride(times: Array) -> int:
-    if len(times) < _SHORT:
-        return 1
-    step = float(np.median(np.diff(times)))
-    regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
-    return max(1, round(COARSE_S / step)) if regular else 1
 
 
 def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
@@ -195,8 +188,8 @@ def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
 
 
 def free_trapped(
-    found: MotionSolution, solve: Callable[[NDArray[np.intp], Array], MotionSolution]
-) -> MotionSolution:
+    found: sweep.MotionSolution, solve: abc.Callable[[NDArray[np.intp], Array], sweep.MotionSolution]
+) -> sweep.MotionSolution:
     """Solve frames that settled in a wrong minimum again from their neighbours, until nothing improves.
 
     A good pose spreads through a whole stretch of wrong ones, one frame from each side at a time.
@@ -210,7 +203,7 @@ def free_trapped(
     while True:
         rows, sources = _find_frontier(cost, limit, tried)
         if not len(rows):
-            return MotionSolution(q, cost, steps, found.converged)
+            return sweep.MotionSolution(q, cost, steps, found.converged)
         again = solve(rows, q[sources])
         steps[rows] += again.steps
         better = again.cost < cost[rows]
@@ -236,12 +229,12 @@ def _find_frontier(
     return every[:0], every[:0]
 
 
-def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
+def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Motion:
     """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
     residual = np.empty(task.measured.shape)
     for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
-        placed = place_tree_markers(
-            task.tree, pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
+        placed = tree.place_tree_markers(
+            task.tree, tree.pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
         )
         np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
     known = find_determined(
@@ -256,6 +249,14 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
     names = task.model.coordinate_names
     # Tips of directions say by how much a rotation is missed; they are no markers.
     points = np.array([not task.model.marker(name).is_direction for name in task.markers], dtype=bool)
+    # How far each measured rotation is from the model's, (n_frames,), rad; see `motion/mounting.py`.
+    turns: list[tuple[str, Array]] = []
+    own = [name for name in task.markers if task.model.marker(name).is_direction]
+    for label in dict.fromkeys(name.rpartition("@")[0] for name in own):
+        tips = [k for k, name in enumerate(task.markers) if name in own and name.rpartition("@")[0] == label]
+        arm = float(np.linalg.norm(task.model.marker(task.markers[tips[0]]).nominal))
+        gap = np.linalg.norm(residual[:, tips].reshape(len(residual), -1), axis=1)
+        turns.append((label, 2.0 * np.arcsin(np.minimum(gap / (np.sqrt(8.0) * arm), 1.0))))
     return Motion(
         trial=trial.name,
         times=trial.times,
@@ -263,19 +264,9 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
         q=q,
         markers=tuple(name for name, point in zip(task.markers, points, strict=True) if point),
         residuals=residual[:, points],
-        turns=dict(_measure_turns(task, residual)),
+        turns=dict(turns),
         estimated=tuple(
             n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free
         ),
         iterations=int(solution.steps.max(initial=0)),
     )
-
-
-def _measure_turns(task: Task, residual: Array) -> Iterator[tuple[str, Array]]:
-    """How far each measured rotation is from the model's, (n_frames,), rad; see ``motion/mounting.py``."""
-    own = [name for name in task.markers if task.model.marker(name).is_direction]
-    for label in dict.fromkeys(name.rpartition("@")[0] for name in own):
-        tips = [k for k, name in enumerate(task.markers) if name in own and name.rpartition("@")[0] == label]
-        arm = float(np.linalg.norm(task.model.marker(task.markers[tips[0]]).nominal))
-        gap = np.linalg.norm(residual[:, tips].reshape(len(residual), -1), axis=1)
-        yield label, 2.0 * np.arcsin(np.minimum(gap / (np.sqrt(8.0) * arm), 1.0))

@@ -7,17 +7,15 @@ from typing import Any
 
 from pydantic import Field
 
-from scaling_service.capabilities.motion.document import MotionDocument
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
+from scaling_service.capabilities.motion.result import MotionDocument
+from scaling_service.capabilities.shared import job
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.base import DOCUMENT, require_plain_name
-from scaling_service.documents.reading import check_document, read_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
+from scaling_service.documents import base, reading, subject
 
 
-class MotionRequest(OfOneSubject, MotionOptions):
+class MotionRequest(job.OfOneSubject, job.WithTables, MotionOptions):
     """Follow recordings with a model that exists: coordinates with their standard deviations.
 
     The model may be one that scaling, dynamics, consistent or discovery made: upload its `model.json` as a
@@ -42,36 +40,36 @@ class MotionRequest(OfOneSubject, MotionOptions):
         "subject's static trial unless given, where that is such a file.",
     )
 
-    def list_needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: job.Documents) -> job.Needed:
         """The model, where it is a file, with its marker set, and the recordings."""
-        document = check_document(documents[self.subject])
+        document = reading.check_document(documents[self.subject])
         named = {f"recordings.{k}": name for k, name in enumerate(self.select_recordings(document))}
         model = self.choose_model(document)
-        if model.lower().endswith(MODEL_SUFFIXES):
+        if model.lower().endswith(subject.MODEL_SUFFIXES):
             named["model"] = model
         marker_set, standing = self.marker_set(document), self.choose_standing(document)
         if marker_set is not None:
             named["marker_set"] = marker_set
         if standing is not None:
             named["standing"] = standing
-        return {self.subject: {field: require_plain_name(name, field) for field, name in named.items()}}
+        return {self.subject: {field: base.require_plain_name(name, field) for field, name in named.items()}}
 
-    def choose_model(self, document: SubjectDocument) -> str:
+    def choose_model(self, document: subject.SubjectDocument) -> str:
         """The model asked for, else the subject's."""
         return self.model if self.model is not None else document.model
 
-    def marker_set(self, document: SubjectDocument) -> str | None:
+    def marker_set(self, document: subject.SubjectDocument) -> str | None:
         """The subject's markers to add, where the model is the subject's own."""
         return document.marker_set if self.choose_model(document) == document.model else None
 
-    def choose_standing(self, document: SubjectDocument) -> str | None:
+    def choose_standing(self, document: subject.SubjectDocument) -> str | None:
         """What tells how sensors are put on."""
         static = document.trials.static
         if self.standing is not None or static is None:
             return self.standing
         return static if static.lower().endswith(".sto") else None
 
-    def select_recordings(self, document: SubjectDocument) -> list[str]:
+    def select_recordings(self, document: subject.SubjectDocument) -> list[str]:
         """The recordings asked for, else the subject's movements, else what stands still.
 
         Raises SubjectInvalid: two recordings have the same name without suffix, by which results are named.
@@ -97,12 +95,14 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     """
     from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions
+    from scaling_service.capabilities.shared.tables import make_table_writer
     from scaling_service.capabilities.subject.loading import read_model
 
+    write_tables = make_table_writer(request.tables, outputs)
     folder = inputs / request.subject
-    document = read_document(folder / DOCUMENT)
+    document = reading.read_document(folder / base.DOCUMENT)
     name, marker_set = request.choose_model(document), request.marker_set(document)
-    model = folder / name if name.lower().endswith(MODEL_SUFFIXES) else name
+    model = folder / name if name.lower().endswith(subject.MODEL_SUFFIXES) else name
     added = None if marker_set is None else folder / marker_set
     standing = request.choose_standing(document)
     files = [folder / recording for recording in request.select_recordings(document)]
@@ -128,10 +128,14 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
         marker_set=added,
         standing=None if standing is None else folder / standing,
         subject=request.subject,
-        subject_file=folder / DOCUMENT,
+        subject_file=folder / base.DOCUMENT,
         progress=progress,
     )
-    return save_motions(tracked, outputs).model_dump(mode="json")
+    saved = save_motions(tracked, outputs)
+    write_tables(tracked.tables, saved)
+    return saved.model_dump(mode="json")
 
 
-KINDS = {"motion": Kind(request=MotionRequest, work=work, route="motions", result=MotionDocument)}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {"motion": job.Kind(request=MotionRequest, work=work, route="motions", result=MotionDocument)}

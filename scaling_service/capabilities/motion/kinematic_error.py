@@ -82,7 +82,11 @@ def kinematic_error(motion: Motion, model: BodyModel) -> KinematicError:
     """
     distances = motion.distances
     seen = np.isfinite(distances)
-    anatomical = np.array([_is_on_bone(name, model) for name in motion.markers], dtype=bool)
+    # Whether a marker sits on a bony landmark; few OpenSim models say so, but the name may.
+    anatomical = np.array(
+        [(model.marker(name).anatomical or find_canonical(name) is not None) for name in motion.markers],
+        dtype=bool,
+    )
     counted = seen.any(axis=1)
     by_frame = np.nanmean(distances[counted], axis=1)
     return KinematicError(
@@ -97,11 +101,6 @@ def kinematic_error(motion: Motion, model: BodyModel) -> KinematicError:
         tracking_mean=_average_known(distances[:, ~anatomical]),
         n_frames=int(counted.sum()),
     )
-
-
-def _is_on_bone(name: str, model: BodyModel) -> bool:
-    """Whether a marker sits on a bony landmark; few OpenSim models say so, but the name may."""
-    return model.marker(name).anatomical or find_canonical(name) is not None
 
 
 def _average_known(values: Array) -> float:

@@ -37,7 +37,18 @@ def follow_neighbours(found: MotionSolution, times: Array, solve: Solve) -> Moti
     q, cost = found.q.copy(), found.cost.copy()
     for part in (slice(first, None), slice(int(ends[longest]), None, -1)):
         rows = np.arange(len(times))[part]
-        q[rows], cost[rows] = _follow(rows, q[rows], cost[rows], times[rows], solve)
+        # Coordinates and costs of frames in an order, the first of which is right
+        near = q[rows]
+        costs = cost[rows]
+        moments = times[rows]
+        at = 0
+        while len(jumps := np.flatnonzero(_find_jumps(near[at:], moments[at:]))):
+            at += int(jumps[0]) + 1
+            again = solve(rows[at : at + 1], near[at - 1 : at])
+            nearer = np.abs(again.q[0] - near[at - 1]).max() < np.abs(near[at] - near[at - 1]).max()
+            if nearer and again.cost[0] <= _AS_GOOD * costs[at] + _TINY:
+                near[at], costs[at] = again.q[0], again.cost[0]
+        q[rows], cost[rows] = near, costs
     return replace(found, q=q, cost=cost)
 
 
@@ -45,15 +56,3 @@ def _find_jumps(q: Array, times: Array) -> NDArray[np.bool_]:
     """Whether a coordinate moves faster than joints do from each frame to the next, (n_frames - 1,)."""
     pace = np.abs(np.diff(q, axis=0)) / np.abs(np.diff(times))[:, None]
     return np.asarray((pace > _FASTEST).any(axis=1))
-
-
-def _follow(rows: NDArray[np.intp], q: Array, cost: Array, times: Array, solve: Solve) -> tuple[Array, Array]:
-    """Coordinates and costs of frames in an order, the first of which is right."""
-    at = 0
-    while len(jumps := np.flatnonzero(_find_jumps(q[at:], times[at:]))):
-        at += int(jumps[0]) + 1
-        again = solve(rows[at : at + 1], q[at - 1 : at])
-        nearer = np.abs(again.q[0] - q[at - 1]).max() < np.abs(q[at] - q[at - 1]).max()
-        if nearer and again.cost[0] <= _AS_GOOD * cost[at] + _TINY:
-            q[at], cost[at] = again.q[0], again.cost[0]
-    return q, cost

@@ -13,39 +13,23 @@ them goes into every deviation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.capabilities.motion.beside_markers import find_beside_markers
-from scaling_service.capabilities.motion.everyday import holds_skin, pack_posterior, pose_problem
-from scaling_service.capabilities.motion.frames import (
-    HEADING,
-    MARKER_M,
-    Hypothesis,
-    Noise,
-    add_directions,
-    add_frames,
-    get_rotations,
-    list_hypotheses,
-    measure_noise,
-    name_parameters,
-)
+from scaling_service.capabilities.motion import everyday, frames
+from scaling_service.capabilities.motion import task as tasks
+from scaling_service.capabilities.motion.beside_markers import find_beside_markers, share_world
 from scaling_service.capabilities.motion.solving import solve_from
-from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.rotations import (
-    is_ignored,
-    match_rotation,
-    read_rotation_table,
-)
+from scaling_service.model import compile as compiling
+from scaling_service.model.anatomy import rotations
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.people import read_people
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.posterior import solve_posterior
@@ -55,7 +39,7 @@ from scaling_service.numerics.multibody.rigid import (
 )
 from scaling_service.numerics.multibody.sweep import SweepSettings
 
-NOWHERE: Mapping[str, tuple[str, Array]] = MappingProxyType({})
+NOWHERE: abc.Mapping[str, tuple[str, Array]] = MappingProxyType({})
 """No frame is on the model already."""
 
 _HEADING_SD = np.pi / np.sqrt(3.0)  # rad: any way round is as likely
@@ -71,7 +55,7 @@ class Mounted:
 
     model: BodyModel
     trials: tuple[Trial, ...]
-    segments: Mapping[str, str]  # label to the segment it is on
+    segments: abc.Mapping[str, str]  # label to the segment it is on
     notes: tuple[Note, ...]
 
 
@@ -90,10 +74,10 @@ class _Solved:
 
 def mount(
     model: BodyModel,
-    trials: Sequence[Trial],
+    trials: abc.Sequence[Trial],
     standing: Trial | None = None,
     *,
-    placed: Mapping[str, tuple[str, Array]] = NOWHERE,
+    placed: abc.Mapping[str, tuple[str, Array]] = NOWHERE,
     turned: bool = False,
 ) -> Mounted:
     """Put the frames of all rotations on a model, and find how they are mounted.
@@ -106,55 +90,61 @@ def mount(
 
     Raises TrialUnusable: no rotation belongs to a segment of the model.
     """
-    table, measured = read_rotation_table(), [t for t in trials if t.rotations is not None]
-    if len({get_rotations(t).of for t in measured}) > 1:
+    table, measured = rotations.read_rotation_table(), [t for t in trials if t.rotations is not None]
+    if len({frames.get_rotations(t).of for t in measured}) > 1:
         raise TrialUnusable(
             f"recordings of segments and of sensors ({list_few([t.name for t in measured])}) are to be apart",
             field="recordings",
             remedy="Give them in two commands",
         )
-    labels = dict.fromkeys(label for t in measured for label in get_rotations(t).labels)
+    labels = dict.fromkeys(label for t in measured for label in frames.get_rotations(t).labels)
     matched = {
-        label: placed[label][0] if label in placed else match_rotation(label, model) for label in labels
+        label: placed[label][0] if label in placed else rotations.match_rotation(label, model)
+        for label in labels
     }
     segments = {label: segment for label, segment in matched.items() if segment is not None}
     if not segments:
         raise TrialUnusable(
             f"none of its rotations ({list_few(list(labels))}) is on a segment of model '{model.name}'",
             file=measured[0].name,
-            field="ROTATION:LABELS" if get_rotations(measured[0]).of == "segments" else "columns",
+            field="ROTATION:LABELS" if frames.get_rotations(measured[0]).of == "segments" else "columns",
             remedy=f"Name them as the segments are: {list_few(list(model.segment_names))}",
         )
-    noise = {label: measure_noise(table, measured, label) for label in segments}
+    noise = {label: frames.measure_noise(table, measured, label) for label in segments}
     axes = {label: placed[label][1] for label in segments if label in placed}
-    hypotheses = [*list_hypotheses(model, table, measured, segments, standing, placed=axes, turned=turned)]
-    both = next((t for t in measured if t.labels and get_rotations(t).of == "sensors"), None)
+    hypotheses = [
+        *frames.list_hypotheses(model, table, measured, segments, standing, placed=axes, turned=turned)
+    ]
+    both = next((t for t in measured if t.labels and frames.get_rotations(t).of == "sensors"), None)
     if both is not None:
         beside = find_beside_markers(model, both, segments, turned=turned)
-        hypotheses = hypotheses if beside is None else [beside]
+        if beside is not None:
+            trials, beside = share_world(model, trials, segments, beside, turned=turned)
+            measured = [t for t in trials if t.rotations is not None]
+            hypotheses = [beside]
     chosen, misfits = _choose(model, measured, segments, noise, hypotheses)
     calibrating = None
     if chosen.calibrated:
         calibrating = 1 if standing is None else standing.n_frames
 
-    def solve(one: Hypothesis) -> tuple[_Solved, tuple[Trial, ...]]:
-        placed = add_frames(model, segments, noise, one, table, measured)
-        ready = tuple(add_directions(t, segments, noise, one) if t in measured else t for t in trials)
+    def solve(one: frames.Hypothesis) -> tuple[_Solved, tuple[Trial, ...]]:
+        placed = frames.add_frames(model, segments, noise, one, table, measured)
+        ready = tuple(frames.add_directions(t, segments, noise, one) if t in measured else t for t in trials)
         return _solve(placed, ready, segments, noise, calibrating), ready
 
     # First with all that frames may sit askew, to see by how much they do and how well they are followed.
-    noise = {label: Noise.of(table, own.white, lasting=table.total) for label, own in noise.items()}
+    noise = {label: frames.Noise.of(table, own.white, lasting=table.total) for label, own in noise.items()}
     solved, ready = solve(chosen)
     facing = None
     if chosen.heading is not None:
         # Forward is where the person faces in that pose, as OpenSense has it.
-        facing = next(p.value for p in solved.model.parameters if p.name == HEADING)
+        facing = next(p.value for p in solved.model.parameters if p.name == frames.HEADING)
         back = rotate_about((0.0, 1.0, 0.0), -facing)
         after = {label: back @ turn for label, turn in chosen.after.items()}
         chosen = replace(chosen, turn=back @ chosen.turn, after=after, heading=0.0)
     # What the recordings show beyond people's widens it, and nothing narrows it.
     noise = {
-        label: Noise.of(table, own.white, max(solved.level, 1.0) * own.passing, solved.askew)
+        label: frames.Noise.of(table, own.white, max(solved.level, 1.0) * own.passing, solved.askew)
         for label, own in noise.items()
     }
     solved, ready = solve(chosen)
@@ -168,29 +158,31 @@ def mount(
 
 def _choose(
     model: BodyModel,
-    trials: Sequence[Trial],
-    segments: Mapping[str, str],
-    noise: Mapping[str, Noise],
-    hypotheses: Sequence[Hypothesis],
-) -> tuple[Hypothesis, dict[str, float]]:
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
+    noise: abc.Mapping[str, frames.Noise],
+    hypotheses: abc.Sequence[frames.Hypothesis],
+) -> tuple[frames.Hypothesis, dict[str, float]]:
     """The hypothesis under which the model follows the rotations best, and the misfit of each kind, rad."""
     if len(hypotheses) == 1:
         return hypotheses[0], {}
-    found: dict[str, tuple[float, Hypothesis]] = {}
+    found: dict[str, tuple[float, frames.Hypothesis]] = {}
     bare = model.with_markers(())
     for one in hypotheses:
-        placed = add_frames(bare, segments, noise, one, None, ())
-        some = [add_directions(_pick(t, _LOOKED_AT), segments, noise, one) for t in trials]
+        placed = frames.add_frames(bare, segments, noise, one, None, ())
+        some = [frames.add_directions(_pick(t, _LOOKED_AT), segments, noise, one) for t in trials]
         misfit, count = 0.0, 0
         for trial in some:
-            task = Task.of(placed, trial)
-            task = replace(task, bounds=list_coordinate_ranges(placed))
-            neutral = repeat_default_pose(placed, 1)[0]
-            start = guess_start(task.tree, task.measured, neutral, task.p, task.free)
+            task = tasks.Task.of(placed, trial)
+            task = replace(task, bounds=compiling.list_coordinate_ranges(placed))
+            neutral = compiling.repeat_default_pose(placed, 1)[0]
+            start = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
             solution = solve_from(task, slice(None), start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
-        angle = float(np.sqrt(misfit / max(count, 1)) / MARKER_M * read_rotation_table().total)
+        angle = float(
+            np.sqrt(misfit / max(count, 1)) / frames.MARKER_M * rotations.read_rotation_table().total
+        )
         if one.told not in found or angle < found[one.told][0]:
             found[one.told] = angle, one
     best = min(found.values(), key=lambda pair: pair[0])[1]
@@ -204,9 +196,9 @@ def _pick(trial: Trial, count: int) -> Trial:
 
 def _solve(
     model: BodyModel,
-    trials: Sequence[Trial],
-    segments: Mapping[str, str],
-    noise: Mapping[str, Noise],
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
+    noise: abc.Mapping[str, frames.Noise],
     calibrating: int | None,
 ) -> _Solved:
     """Mountings and heading as some frames make them likely.
@@ -219,10 +211,10 @@ def _solve(
         own = noise[label]
         variance = own.lasting**2 + (0.0 if calibrating is None else own.white**2 / calibrating)
         if f"mounting.{label}.x" in names:
-            prior.add_values(name_parameters(label), np.zeros(3), variance * np.eye(3))
-    if HEADING in names:
-        start = next(p.value for p in model.parameters if p.name == HEADING)
-        prior.add_values([HEADING], np.array([start]), np.array([[_HEADING_SD**2]]))
+            prior.add_values(frames.name_parameters(label), np.zeros(3), variance * np.eye(3))
+    if frames.HEADING in names:
+        start = next(p.value for p in model.parameters if p.name == frames.HEADING)
+        prior.add_values([frames.HEADING], np.array([start]), np.array([[_HEADING_SD**2]]))
     measured = [t for t in trials if t.rotations is not None]
     some = [_pick(t, max(_SOLVED // len(measured), 2)) for t in measured]
     wanted = list(dict.fromkeys(label for t in some for label in t.labels))
@@ -241,38 +233,40 @@ def _solve(
         # Skin lasts from frame to frame, jitter does not.
         own_shares = [(noise[label].white / noise[label].passing) ** 2 for label in segments]
         shares = shares + (1.0 - shares) * float(np.median(own_shares))
-    lawful = holds_skin(model)
-    problem, task = pose_problem(model, joined, people, prior=prior, shares=shares, lawful=lawful)
-    neutral = repeat_default_pose(model, 1)[0]
-    within = replace(task, bounds=list_coordinate_ranges(model))
-    start_q = guess_start(task.tree, task.measured, neutral, task.p, task.free)
+    lawful = everyday.holds_skin(model)
+    problem, task = everyday.pose_problem(model, joined, people, prior=prior, shares=shares, lawful=lawful)
+    neutral = compiling.repeat_default_pose(model, 1)[0]
+    within = replace(task, bounds=compiling.list_coordinate_ranges(model))
+    start_q = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
     posterior = solve_posterior(problem, solve_from(within, slice(None), start_q).q, task.p)
     values = dict(zip(prior.names, posterior.p.tolist(), strict=True))
     parameters = tuple(replace(p, value=values[p.name]) for p in model.parameters)
     level = float(np.sqrt(posterior.misfit / posterior.freedom)) if posterior.freedom > 0.0 else 1.0
-    turned = [k for k, name in enumerate(prior.names) if name in names and name != HEADING]
+    turned = [k for k, name in enumerate(prior.names) if name in names and name != frames.HEADING]
     before = 1.0 / np.diag(prior.precision)[turned]
     after, mean = posterior.covariance[np.ix_(turned, turned)], posterior.p[turned]
     # Mountings of variance s are estimated as K m + e with K = 1 - C/P and the covariance K C of e.
     told = np.eye(len(turned)) - after / before
     askew = (mean @ mean - np.trace(told @ after)) / max(float(np.square(told).sum()), _NOTHING_TOLD)
     return _Solved(
-        model=pack_posterior(replace(model, parameters=parameters), prior.names, posterior.covariance),
+        model=everyday.pack_posterior(
+            replace(model, parameters=parameters), prior.names, posterior.covariance
+        ),
         level=level,
         askew=float(np.sqrt(max(askew, 0.0))),
     )
 
 
 def _tell(
-    matched: Mapping[str, str | None],
-    noise: Mapping[str, Noise],
-    chosen: Hypothesis,
-    misfits: Mapping[str, float],
+    matched: abc.Mapping[str, str | None],
+    noise: abc.Mapping[str, frames.Noise],
+    chosen: frames.Hypothesis,
+    misfits: abc.Mapping[str, float],
     facing: float | None,
-) -> Iterator[Note]:
+) -> abc.Iterator[Note]:
     used = ", ".join(f"{label} on {segment}" for label, segment in matched.items() if segment is not None)
     yield Note(code="rotations", severity="note", problem=f"rotations are followed: {used}")
-    ignored = [label for label in matched if is_ignored(label)]
+    ignored = [label for label in matched if rotations.is_ignored(label)]
     left = [label for label, segment in matched.items() if segment is None and label not in ignored]
     if left:
         yield Note(
@@ -297,7 +291,10 @@ def _tell(
         problem="; ".join([chosen.told, *turned]),
         remedy="If it is not so, give the orientations of such a pose (`--standing`, `standing` over HTTP)",
     )
-    missed, usual = np.degrees(misfits.get(chosen.told, 0.0)), np.degrees(read_rotation_table().total)
+    missed, usual = (
+        np.degrees(misfits.get(chosen.told, 0.0)),
+        np.degrees(rotations.read_rotation_table().total),
+    )
     if missed > usual:
         yield Note(
             code="mounting_doubtful",

@@ -16,23 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.arrays import Array, Mask
-from scaling_service.model.body import BodyModel, Segment
+from scaling_service.core import arrays
+from scaling_service.model import body
+from scaling_service.model import compile as compiling
 from scaling_service.model.builtin import lock_unmarked
-from scaling_service.model.compile import (
-    compile_model,
-    free_coordinates,
-    list_coordinate_ranges,
-    list_parameter_values,
-    repeat_default_pose,
-)
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    compute_jacobian,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree as trees
 
 _MARKER_M = 0.010
 """Standard deviation of a marker about the model's bone along one axis: reference_models/people.yaml has
@@ -72,30 +61,35 @@ class Ranges:
     shape: whether they tell anything.
     """
 
-    middle: Array
-    spread: Array
-    weight: Array
-    shown: Mask
+    middle: arrays.Array
+    spread: arrays.Array
+    weight: arrays.Array
+    shown: arrays.Mask
 
     def in_frames(self, rows: slice | NDArray[np.intp]) -> Ranges:
         """The same in some frames."""
         return Ranges(self.middle, self.spread, self.weight[rows], self.shown[rows])
 
-    def combine(self, sd: Array) -> Array:
+    def combine(self, sd: arrays.Array) -> arrays.Array:
         """Deviations by markers (n_frames, n_coordinates) with what the range tells of those held."""
         with np.errstate(invalid="ignore"):
             both = sd / np.sqrt(1.0 + np.square(sd / self.spread))
         return np.asarray(np.where(self.weight > 0.0, both, sd))
 
     @property
-    def prior(self) -> tuple[Array, Array] | None:
+    def prior(self) -> tuple[arrays.Array, arrays.Array] | None:
         """Values and weights for the solver, each (n_frames, n_coordinates); None if nothing is held."""
         held = self.weight > 0.0
         return (np.broadcast_to(self.middle, held.shape), self.weight) if held.any() else None
 
 
 def weigh_ranges(
-    model: BodyModel, tree: Tree, measured: Array, weights: Array, free: Mask, p: Array
+    model: body.BodyModel,
+    tree: trees.Tree,
+    measured: arrays.Array,
+    weights: arrays.Array,
+    free: arrays.Mask,
+    p: arrays.Array,
 ) -> Ranges:
     """Which coordinates each frame's markers show, and how the others are held.
 
@@ -113,18 +107,22 @@ def weigh_ranges(
         followed = measure_left(model, tree, (patterns & (weights > 0.0)).astype(float), free, p) <= _MORE
         weight = np.where(followed, 0.0, weight)
     which = which.reshape(-1)
-    return Ranges(repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which])
+    return Ranges(
+        compiling.repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which]
+    )
 
 
-def list_prior_sds(model: BodyModel) -> Array:
+def list_prior_sds(model: body.BodyModel) -> arrays.Array:
     """Standard deviation of each coordinate in ordinary postures, rad or m; infinite without a range."""
-    lower, upper = list_coordinate_ranges(model)
+    lower, upper = compiling.list_coordinate_ranges(model)
     spread = (upper - lower) / (2.0 * _RANGE_SDS)
     turns = np.array([c.kind == "rotation" for c in model.coordinates], dtype=bool)
     return np.where(turns & (spread < _WIDEST / _RANGE_SDS), spread, np.inf)
 
 
-def measure_left(model: BodyModel, tree: Tree, told: Array, free: Mask, p: Array) -> Array:
+def measure_left(
+    model: body.BodyModel, tree: trees.Tree, told: arrays.Array, free: arrays.Mask, p: arrays.Array
+) -> arrays.Array:
     """Posterior over prior variance of each coordinate, (n_patterns, n_coordinates); zero where not asked.
 
     ``told`` (n_patterns, n_markers): how much each marker counts, 1 for one that is seen. The lower of that
@@ -135,14 +133,14 @@ def measure_left(model: BodyModel, tree: Tree, told: Array, free: Mask, p: Array
     left = np.zeros((len(told), len(free)))
     if not asked.any():
         return left
-    neutral = repeat_default_pose(model, 1)[0]
-    lower, upper = list_coordinate_ranges(model)
+    neutral = compiling.repeat_default_pose(model, 1)[0]
+    lower, upper = compiling.list_coordinate_ranges(model)
     with np.errstate(invalid="ignore"):
         middle = np.where(asked, 0.5 * (lower + upper), neutral)
     variables = np.flatnonzero(free)
-    poses = pose_links(tree, np.stack([neutral + s * (middle - neutral) for s in _BENT], axis=1), p)
+    poses = trees.pose_links(tree, np.stack([neutral + s * (middle - neutral) for s in _BENT], axis=1), p)
     rates = np.moveaxis(
-        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
     )
     rates = rates / _MARKER_M  # (n_poses, n_markers, 3, n_variables)
     prior = np.where(asked, 1.0 / np.square(spread), _LEAST)[variables]
@@ -153,24 +151,24 @@ def measure_left(model: BodyModel, tree: Tree, told: Array, free: Mask, p: Array
     return left
 
 
-def list_unshown(model: BodyModel, markers: Collection[str]) -> frozenset[str]:
+def list_unshown(model: body.BodyModel, markers: Collection[str]) -> frozenset[str]:
     """Coordinates that none of these markers shows, of those that have a range and are not locked."""
     names = [m.name for m in model.markers if m.weight > 0.0]
-    tree, free = compile_model(model, names), free_coordinates(model)
+    tree, free = compiling.compile_model(model, names), compiling.free_coordinates(model)
     told = np.isin(names, list(markers))[None].astype(float)
-    left = measure_left(model, tree, told, free, list_parameter_values(model))[0]
+    left = measure_left(model, tree, told, free, compiling.list_parameter_values(model))[0]
     return frozenset(
         c.name for c, share in zip(model.coordinates, left.tolist(), strict=True) if share > _MORE
     )
 
 
-def list_joint_coordinates(model: BodyModel, segment: Segment) -> frozenset[str]:
+def list_joint_coordinates(model: body.BodyModel, segment: body.Segment) -> frozenset[str]:
     """The free coordinates of the joint that carries a segment."""
     loose = {c.name for c in model.coordinates if not c.locked}
     return frozenset(loose & {t.coordinate for j in segment.joints for t in j.law.terms})
 
 
-def list_hidden_segments(model: BodyModel, markers: Collection[str]) -> list[str]:
+def list_hidden_segments(model: body.BodyModel, markers: Collection[str]) -> list[str]:
     """Segments of which these markers show nothing: no coordinate of the joint that carries them."""
     segments = {m.name: m.segment for m in model.markers if m.name in markers}
     model, _ = lock_unmarked(model, segments)

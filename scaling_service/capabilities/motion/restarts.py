@@ -15,24 +15,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.branches import (
-    Bounds,
-    find_loose,
-    find_rotations,
-    find_triplets,
-    wrap,
-    write_within,
-)
-from scaling_service.capabilities.motion.doubts import (
-    FASTEST,
-    SKIN_M,
-    SPEED,
-    Index,
-    Limb,
-    Solve,
-    list_limbs,
-    measure_limbs,
-)
+from scaling_service.capabilities.motion import branches
+from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.laws import NONE
@@ -52,7 +36,7 @@ _BLOCK = 128  # steps measured together; all of a long recording would take giga
 
 
 def _measure_turns(
-    tree: Tree, before: Array, after: Array, bounds: Bounds, *, any_way: bool
+    tree: Tree, before: Array, after: Array, bounds: branches.Bounds, *, any_way: bool
 ) -> Iterator[Array]:
     """How far joints turn between poses, each (n, k, l), rad.
 
@@ -60,31 +44,33 @@ def _measure_turns(
     of the next. A triplet counts as one turn; with ``any_way``, and without bounds, in whichever way it is
     nearer.
     """
-    loose = find_loose(tree, bounds)
-    triplets = find_triplets(tree)
-    for k in np.setdiff1d(find_rotations(tree), [c for t in triplets for c in t.coordinates]):
+    loose = branches.find_loose(tree, bounds)
+    triplets = branches.find_triplets(tree)
+    for k in np.setdiff1d(branches.find_rotations(tree), [c for t in triplets for c in t.coordinates]):
         yield np.sqrt(_measure(before[:, :, None, k, None], after[:, None, :, k, None], loose[[k]]))
     for triplet in triplets:
         own = triplet.coordinates
         first, second = before[:, :, None, own], after[:, None, :, own]
         distance = _measure(first, second, loose[own])
         if any_way or loose[own].all():
-            other, allowed = write_within(triplet, first, bounds)
+            other, allowed = branches.write_within(triplet, first, bounds)
             distance = np.minimum(distance, np.where(allowed, _measure(other, second, loose[own]), np.inf))
         yield np.sqrt(distance)
 
 
 def _measure(first: Array, second: Array, loose: NDArray[np.bool_]) -> Array:
     step = second - first
-    return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=-1))
+    return np.asarray(np.square(np.where(loose, branches.wrap(step), step)).sum(axis=-1))
 
 
-def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_], solve: Solve) -> bool:
+def confirm_doubts(
+    task: Task, found: MotionSolution, doubts: NDArray[np.bool_], solve: motion_doubts.Solve
+) -> bool:
     """Whether other starts of the doubted limbs lead to better poses in a few of the frames.
 
     ``doubts`` (n_frames, n_limbs).
     """
-    limbs = list_limbs(task.tree, task.free)
+    limbs = motion_doubts.list_limbs(task.tree, task.free)
     random = np.random.default_rng(0)
     rows, starts = [], []
     for number in _choose_limbs(limbs, doubts)[:_PROBED]:
@@ -97,11 +83,11 @@ def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_],
     return bool((cost[:, 1:].min(axis=1) < (1.0 - _BETTER) * cost[:, 0]).any())
 
 
-def _list_parts(limbs: tuple[Limb, ...], number: int) -> list[int]:
+def _list_parts(limbs: tuple[motion_doubts.Limb, ...], number: int) -> list[int]:
     return [number, *(k for k, limb in enumerate(limbs) if limb.parent == number)]
 
 
-def _choose_limbs(limbs: tuple[Limb, ...], doubts: NDArray[np.bool_]) -> list[int]:
+def _choose_limbs(limbs: tuple[motion_doubts.Limb, ...], doubts: NDArray[np.bool_]) -> list[int]:
     """The limbs to turn anyhow, the oftenest doubted first.
 
     Those on which the smallest of the doubted hang, or these where they hang on nothing, and all larger ones
@@ -118,7 +104,7 @@ def _choose_limbs(limbs: tuple[Limb, ...], doubts: NDArray[np.bool_]) -> list[in
 
 
 def choose_minima(
-    task: Task, times: Array, found: MotionSolution, doubts: NDArray[np.bool_], solve: Solve
+    task: Task, times: Array, found: MotionSolution, doubts: NDArray[np.bool_], solve: motion_doubts.Solve
 ) -> MotionSolution:
     """The best sequence of minima that many starts find, instead of those that one start led to.
 
@@ -131,7 +117,7 @@ def choose_minima(
     rows = np.flatnonzero(doubted)
     some = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).round().astype(np.intp)]
     seeds = np.union1d(even, some)
-    limbs = list_limbs(task.tree, task.free)
+    limbs = motion_doubts.list_limbs(task.tree, task.free)
     chosen = _choose_limbs(limbs, doubts)
     turned = sorted({k for number in chosen for k in _list_parts(limbs, number)})
     poses, costs = _find_minima(task, seeds, found, [limbs[k] for k in turned], solve)
@@ -139,7 +125,11 @@ def choose_minima(
 
 
 def _find_minima(
-    task: Task, seeds: Index, found: MotionSolution, limbs: list[Limb], solve: Solve
+    task: Task,
+    seeds: motion_doubts.Index,
+    found: MotionSolution,
+    limbs: list[motion_doubts.Limb],
+    solve: motion_doubts.Solve,
 ) -> tuple[Array, Array]:
     """The distinct minima of some frames, best first: (n_seeds, k, n_coordinates), and cost (n_seeds, k)."""
     random = np.random.default_rng(0)
@@ -159,10 +149,10 @@ def _find_minima(
     return poses, costs
 
 
-def _draw(random: np.random.Generator, task: Task, q: Array, limb: Limb) -> Array:
+def _draw(random: np.random.Generator, task: Task, q: Array, limb: motion_doubts.Limb) -> Array:
     """Poses (n, draws, n_coordinates) with the joints of a limb turned anyhow within their ranges."""
     starts = np.repeat(q[:, None], _DRAWS, axis=1)
-    for k in np.intersect1d(limb.coordinates, find_rotations(task.tree)):
+    for k in np.intersect1d(limb.coordinates, branches.find_rotations(task.tree)):
         lower, upper = task.bounds[0][k], task.bounds[1][k]
         if np.isfinite(upper - lower) and upper - lower < 2.0 * np.pi + 1e-6:
             starts[:, :, k] = random.uniform(lower, upper, starts.shape[:2])
@@ -171,24 +161,24 @@ def _draw(random: np.random.Generator, task: Task, q: Array, limb: Limb) -> Arra
     return np.clip(starts, *task.bounds)
 
 
-def _solve_all(seeds: Index, starts: Array, solve: Solve) -> tuple[Array, Array]:
+def _solve_all(seeds: motion_doubts.Index, starts: Array, solve: motion_doubts.Solve) -> tuple[Array, Array]:
     """Minima reached from starts (n_seeds, k, n_coordinates), and their cost (n_seeds, k)."""
     n, k, _ = starts.shape
     solution = solve(np.repeat(seeds, k), starts.reshape(n * k, -1))
     return solution.q.reshape(starts.shape), solution.cost.reshape(n, k)
 
 
-def _combine(task: Task, seeds: Index, best: Array, some: Array) -> Array:
+def _combine(task: Task, seeds: motion_doubts.Index, best: Array, some: Array) -> Array:
     """One start for every frame: each limb as the start that suits its markers best has it.
 
     ``some``: (n_seeds, n_starts, n_coordinates), minima. A limb is taken whole where that gains more than its
     parts do.
     """
     n, k, _ = some.shape
-    limbs, every = list_limbs(task.tree, task.free), np.arange(n)
-    apart = measure_limbs(task, np.repeat(seeds, k), some.reshape(n * k, -1)).reshape(n, k, -1)
+    limbs, every = motion_doubts.list_limbs(task.tree, task.free), np.arange(n)
+    apart = motion_doubts.measure_limbs(task, np.repeat(seeds, k), some.reshape(n * k, -1)).reshape(n, k, -1)
     choice = apart.argmin(axis=1)
-    whole = measure_limbs(task, seeds, best) - apart.min(axis=1)
+    whole = motion_doubts.measure_limbs(task, seeds, best) - apart.min(axis=1)
     gains = np.zeros(whole.shape)
     for number in reversed(range(len(limbs))):
         gains[:, number] += np.maximum(whole[:, number] - gains[:, number], 0.0)
@@ -220,10 +210,10 @@ def _follow(
     task: Task,
     times: Array,
     found: MotionSolution,
-    seeds: Index,
+    seeds: motion_doubts.Index,
     poses: Array,
     costs: Array,
-    solve: Solve,
+    solve: motion_doubts.Solve,
 ) -> MotionSolution:
     """Minima followed from each seed to the next, forwards and backwards; then the best sequence."""
     n, (count, k, _) = len(found.q), poses.shape
@@ -245,7 +235,7 @@ def _follow(
             if len(rows):
                 here, now = _solve_all(rows, here[going], solve)
     q, cost = _write_all_ways(task.tree, q, cost, task.bounds)
-    chosen = _find_cheapest_path(cost / SKIN_M**2, _measure_hurry(task, times, q))
+    chosen = _find_cheapest_path(cost / motion_doubts.SKIN_M**2, _measure_hurry(task, times, q))
     every = np.arange(n)
     return MotionSolution(q[every, chosen], cost[every, chosen], found.steps, found.converged)
 
@@ -260,19 +250,19 @@ def _measure_hurry(task: Task, times: Array, q: Array) -> Iterator[Array]:
         steps = np.diff(times[start : start + _BLOCK + 1])[:, None, None]
         hurry = np.zeros((len(steps), q.shape[1], q.shape[1]))
         for turn in _measure_turns(task.tree, some[:-1], some[1:], task.bounds, any_way=False):
-            hurry += np.square(np.maximum(turn / steps - FASTEST, 0.0) / SPEED)
+            hurry += np.square(np.maximum(turn / steps - motion_doubts.FASTEST, 0.0) / motion_doubts.SPEED)
         yield from hurry
 
 
-def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[Array, Array]:
+def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: branches.Bounds) -> tuple[Array, Array]:
     """The same poses (n, k, n_coordinates), and beside them those whose bounded triplets can be rewritten.
 
     What has no bounds is written without jumps afterwards.
     """
-    for triplet in find_triplets(tree):
-        if find_loose(tree, bounds)[triplet.coordinates].all():
+    for triplet in branches.find_triplets(tree):
+        if branches.find_loose(tree, bounds)[triplet.coordinates].all():
             continue
-        other, allowed = write_within(triplet, q[:, :, triplet.coordinates], bounds)
+        other, allowed = branches.write_within(triplet, q[:, :, triplet.coordinates], bounds)
         some = np.flatnonzero((allowed & np.isfinite(cost)).any(axis=0))
         if len(some):
             again = q[:, some].copy()
@@ -282,7 +272,7 @@ def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[
     return q, cost
 
 
-def _find_cheapest_path(own: Array, between: Iterator[Array]) -> Index:
+def _find_cheapest_path(own: Array, between: Iterator[Array]) -> motion_doubts.Index:
     """Which state to take in every frame, by what states (n, k) and each change (k, k) cost, (n,)."""
     total, back = own[0], np.zeros(own.shape, dtype=np.intp)
     for row, change in enumerate(between, start=1):

@@ -3,52 +3,36 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.motion import clinical_angles, inverse_kinematics, result
+from scaling_service.capabilities.motion import everyday as ordinary
+from scaling_service.capabilities.motion import kinematic_error as kinematic_errors
+from scaling_service.capabilities.motion import uncertainty as uncertainties
 from scaling_service.capabilities.motion.beside_markers import join_recordings
-from scaling_service.capabilities.motion.clinical_angles import (
-    ClinicalAngles,
-    compute_clinical_angles,
-    compute_clinical_rates,
-)
-from scaling_service.capabilities.motion.everyday import (
-    estimate_everyday_sd,
-    follow_everyday,
-    knows_people,
-)
-from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
-from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import (
-    CoordinateSd,
-    count_departures,
-    estimate_coordinate_sd,
-    list_skin_fields,
-)
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded, load
+from scaling_service.capabilities.subject import loading
 from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.notes import Note
 from scaling_service.core.progress import Progress, show_nothing
-from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.osim.setups import read_body_frames
 from scaling_service.files.recording import READERS
+from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Motion
-from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
 from scaling_service.recording.settings import ProcessingSettings
@@ -56,83 +40,9 @@ from scaling_service.recording.settings import ProcessingSettings
 _READING = 0.2  # chosen: about the share of reading and processing
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackedTrial:
-    """One trial as a model tracks it."""
-
-    motion: Motion
-    uncertainty: CoordinateSd
-    error: KinematicError
-    angles: ClinicalAngles | None = None  # conventional ones with their standard deviations, if asked for
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Tracked:
-    """How a model tracks recordings, trial by trial, and where both came from.
-
-    Attributes
-    ----------
-    loaded : Loaded
-        The model and the recordings, and how their labels and axes were understood.
-    trials : mapping of str to TrackedTrial
-        By the recording's name: motion (rad, m), standard deviations (rad, m) and kinematic error (m).
-    options : MotionOptions
-        What was chosen.
-    wall_s : float
-        Wall time, s.
-
-    Examples
-    --------
-    >>> import scaling_service as ss
-    >>> tracked = ss.ik("compared/MB/model.json", ["lab/gait_1.trc"])
-    >>> isinstance(tracked, ss.Tracked)
-    True
-    >>> knee = tracked.coordinates("gait_1").to_frame()["knee_angle_r_deg"]
-    >>> round(float(knee.max() - knee.min()), -1)  # degrees
-    50.0
-    """
-
-    loaded: Loaded
-    trials: Mapping[str, TrackedTrial]
-    options: MotionOptions = field(default_factory=MotionOptions)
-    wall_s: float = 0.0
-
-    def coordinates(self, trial: str) -> MotionTable:
-        """Coordinates of a trial over time with their standard deviations, degrees and m.
-
-        What markers do not show is NaN, its deviation infinite.
-
-        Raises KeyError: no recording is called so.
-        """
-        tracked = self.trials[trial]
-        return tabulate_coordinates(
-            trial, tracked.motion, self.loaded.session.model, tracked.uncertainty.sd, system="markers"
-        )
-
-    @property
-    def errors(self) -> ResultTable:
-        """Kinematic error of every trial, mm."""
-        rows = tuple(
-            (name, *(1e3 * value for value in (t.error.mean, t.error.rms, t.error.max)))
-            for name, t in self.trials.items()
-        )
-        return ResultTable("Kinematic error", ("trial", "mean_mm", "rms_mm", "max_mm"), rows)
-
-    @property
-    def tables(self) -> dict[str, ResultTable]:
-        """The errors, and the coordinates of every trial by its name."""
-        return {"errors": self.errors, **{f"motion_{name}": self.coordinates(name) for name in self.trials}}
-
-    def __repr__(self) -> str:
-        return f"Tracked by model '{self.loaded.session.model.name}'\n{self.errors!r}"
-
-    def _repr_html_(self) -> str:
-        return self.errors._repr_html_()
-
-
 def ik(
     model: str | Path,
-    recordings: Sequence[str | Path],
+    recordings: abc.Sequence[str | Path],
     options: MotionOptions = MotionOptions(),
     *,
     marker_set: str | Path | None = None,
@@ -140,7 +50,7 @@ def ik(
     subject: str = "",
     subject_file: Path | None = None,
     progress: Progress | None = None,
-) -> Tracked:
+) -> result.Tracked:
     """Follow recordings with a model that exists.
 
     Parameters
@@ -190,129 +100,6 @@ def ik(
     clock = time.perf_counter()
     report = progress or show_nothing
     check_axes(options.up, options.forward)
-    files = _list_recordings(recordings)
-    places = Subject(
-        id=subject,
-        model=_name_model(model, marker_set),
-        marker_set=None if marker_set is None else Path(marker_set),
-        marker_map=dict(options.markers),
-        static=None if standing is None else Path(standing).absolute(),
-        evaluation=files,
-    )
-    report("reading the recordings", 0.0)
-    processing = ProcessingSettings.smoothed(options.smooth_hz)
-    settings = Settings(processing=processing, up=options.up, forward=options.forward)
-    with _without_subject_file(), blame_file(None, files):
-        loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
-        session, found = loaded.session, {}
-        trials, mounted = join_recordings(session.evaluation), None
-        if any(trial.rotations is not None for trial in trials):
-            stood = session.static if session.static and session.static.rotations else None
-            placed = _list_frames(session.subject)
-            mounted = mount(session.model, trials, stood, placed=placed, turned=options.up is not None)
-            trials = mounted.trials
-            loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
-        for k, trial in enumerate(trials):
-            report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            own = session.model if mounted is None or trial.rotations is None else mounted.model
-            found[trial.name] = track(own, trial, skin=not options.bone_pins, angles=options.angles)
-    report("done", 1.0)
-    return Tracked(loaded, found, options, time.perf_counter() - clock)
-
-
-def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = False) -> TrackedTrial:
-    """Track one trial, in the session's axes and with the model's marker names.
-
-    ``skin``: whether standard deviations hold what skin does over the bone. ``angles``: whether to give the
-    conventional angles, too.
-    """
-    task = Task.of(model, trial)
-    solution = solve_task(task, trial.times)
-    everyday = (skin or any(m.is_direction for m in model.markers)) and knows_people(model)
-    if everyday:
-        solution = replace(solution, q=follow_everyday(model, trial, solution.q))
-    motion = make_motion(task, trial, solution)
-    # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
-    ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
-    known = np.isfinite(motion.q) & ever
-    names, rates = compute_clinical_rates(model) if angles else ((), None)
-    if everyday:
-        uncertainty = estimate_everyday_sd(model, trial, task, solution.q, known, rates)
-        return _gather(model, motion, uncertainty, names)
-    fields = tuple(list_skin_fields(task)) if skin else ()
-    uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
-    if skin and model.departures:
-        departures = dict(model.departures)
-        own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
-        uncertainty = count_departures(uncertainty, own, solution.q, rates)
-    uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
-    return _gather(model, motion, uncertainty, names)
-
-
-def follow_rotations(
-    model: BodyModel, session: Session, *, turned: bool
-) -> tuple[dict[str, TrackedTrial], tuple[Note, ...]]:
-    """A session's recordings of rotations as a scaled model follows them, and what to tell of their mounting.
-
-    ``turned``: whether the session's axes are those of the sensors' world.
-    """
-    if not session.rotations:
-        return {}, ()
-    placed = _list_frames(session.subject)
-    mounted = mount(model, session.rotations, session.standing_rotations, placed=placed, turned=turned)
-    return {trial.name: track(mounted.model, trial) for trial in mounted.trials}, mounted.notes
-
-
-def _list_frames(subject: Subject) -> dict[str, tuple[str, Array]]:
-    """Frames that the subject's OpenSim model has on its bodies, as OpenSense's IMU placer leaves them."""
-    model = subject.model
-    return read_body_frames(Path(model)) if model.lower().endswith(".osim") else {}
-
-
-def _gather(
-    model: BodyModel, motion: Motion, uncertainty: CoordinateSd, names: Sequence[tuple[str, str]]
-) -> TrackedTrial:
-    """``names``: side and angle of what ``uncertainty`` has combined."""
-    error = kinematic_error(motion, model)
-    if uncertainty.combined is None:
-        return TrackedTrial(motion, uncertainty, error)
-    sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
-    return TrackedTrial(motion, uncertainty, error, replace(compute_clinical_angles(model, motion), sd=sd))
-
-
-@contextmanager
-def _without_subject_file() -> Iterator[None]:
-    """Let remedies that speak of a subject file say where labels are mapped here."""
-    try:
-        yield
-    except InputError as error:
-        if error.remedy is not None:
-            error.remedy = error.remedy.replace(
-                "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
-            ).partition("; or say in the subject file")[0]
-        raise
-
-
-def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
-    name = str(model)
-    if marker_set is not None and not name.lower().endswith(".osim"):
-        raise InputError(
-            f"a marker set belongs to .osim models only, and the model is '{name}'",
-            field="marker_set",
-            remedy="Leave it out, or give the path of an .osim file",
-        )
-    if name.lower().endswith(MODEL_SUFFIXES):
-        return str(Path(name).absolute())
-    if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
-        raise InputError(
-            f"'{name}' is no model",
-            field="model",
-            remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or a model.json",
-        )
-    return name
-
-
-def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
     files = tuple(Path(path).absolute() for path in recordings)
     if not files:
         raise InputError(
@@ -330,4 +117,128 @@ def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
                 remedy="Results are named by it: leave one out, or rename one",
             )
         by_stem[file.stem] = file
-    return files
+    name = str(model)
+    if marker_set is not None and not name.lower().endswith(".osim"):
+        raise InputError(
+            f"a marker set belongs to .osim models only, and the model is '{name}'",
+            field="marker_set",
+            remedy="Leave it out, or give the path of an .osim file",
+        )
+    if name.lower().endswith(MODEL_SUFFIXES):
+        place = str(Path(name).absolute())
+    else:
+        if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
+            raise InputError(
+                f"'{name}' is no model",
+                field="model",
+                remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or "
+                "a model.json",
+            )
+        place = name
+    places = subjects.Subject(
+        id=subject,
+        model=place,
+        marker_set=None if marker_set is None else Path(marker_set),
+        marker_map=dict(options.markers),
+        static=None if standing is None else Path(standing).absolute(),
+        evaluation=files,
+    )
+    report("reading the recordings", 0.0)
+    processing = ProcessingSettings.smoothed(options.smooth_hz)
+    settings = Settings(processing=processing, up=options.up, forward=options.forward)
+    with _without_subject_file(), blame_file(None, files):
+        loaded = replace(loading.load(places, settings, standing=not options.angles), file=subject_file)
+        session, found = loaded.session, {}
+        trials, mounted = join_recordings(session.evaluation), None
+        if any(trial.rotations is not None for trial in trials):
+            stood = session.static if session.static and session.static.rotations else None
+            placed = _list_frames(session.subject)
+            mounted = mount(session.model, trials, stood, placed=placed, turned=options.up is not None)
+            trials = mounted.trials
+            loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
+        for k, trial in enumerate(trials):
+            report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
+            own = session.model if mounted is None or trial.rotations is None else mounted.model
+            found[trial.name] = track(own, trial, skin=not options.bone_pins, angles=options.angles)
+    report("done", 1.0)
+    return result.Tracked(loaded, found, options, time.perf_counter() - clock)
+
+
+def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = False) -> result.TrackedTrial:
+    """Track one trial, in the session's axes and with the model's marker names.
+
+    ``skin``: whether standard deviations hold what skin does over the bone. ``angles``: whether to give the
+    conventional angles, too.
+    """
+    task = Task.of(model, trial)
+    solution = inverse_kinematics.solve_task(task, trial.times)
+    everyday = (skin or any(m.is_direction for m in model.markers)) and ordinary.knows_people(model)
+    if everyday:
+        solution = replace(solution, q=ordinary.follow_everyday(model, trial, solution.q))
+    motion = inverse_kinematics.make_motion(task, trial, solution)
+    # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
+    ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
+    known = np.isfinite(motion.q) & ever
+    names, rates = clinical_angles.compute_clinical_rates(model) if angles else ((), None)
+    if everyday:
+        uncertainty = ordinary.estimate_everyday_sd(model, trial, task, solution.q, known, rates)
+        return _gather(model, motion, uncertainty, names)
+    fields = tuple(uncertainties.list_skin_fields(task)) if skin else ()
+    uncertainty = uncertainties.estimate_coordinate_sd(
+        task, solution.q, motion.residuals, known, fields, rates
+    )
+    if skin and model.departures:
+        departures = dict(model.departures)
+        own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
+        uncertainty = uncertainties.count_departures(uncertainty, own, solution.q, rates)
+    uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
+    return _gather(model, motion, uncertainty, names)
+
+
+def follow_rotations(
+    model: BodyModel, session: subjects.Session, *, turned: bool
+) -> tuple[dict[str, result.TrackedTrial], tuple[Note, ...]]:
+    """A session's recordings of rotations as a scaled model follows them, and what to tell of their mounting.
+
+    ``turned``: whether the session's axes are those of the sensors' world.
+    """
+    if not session.rotations:
+        return {}, ()
+    placed = _list_frames(session.subject)
+    mounted = mount(model, session.rotations, session.standing_rotations, placed=placed, turned=turned)
+    return {trial.name: track(mounted.model, trial) for trial in mounted.trials}, mounted.notes
+
+
+def _list_frames(subject: subjects.Subject) -> dict[str, tuple[str, Array]]:
+    """Frames that the subject's OpenSim model has on its bodies, as OpenSense's IMU placer leaves them."""
+    model = subject.model
+    return read_body_frames(Path(model)) if model.lower().endswith(".osim") else {}
+
+
+def _gather(
+    model: BodyModel,
+    motion: Motion,
+    uncertainty: uncertainties.CoordinateSd,
+    names: abc.Sequence[tuple[str, str]],
+) -> result.TrackedTrial:
+    """``names``: side and angle of what ``uncertainty`` has combined."""
+    error = kinematic_errors.kinematic_error(motion, model)
+    if uncertainty.combined is None:
+        return result.TrackedTrial(motion, uncertainty, error)
+    sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
+    return result.TrackedTrial(
+        motion, uncertainty, error, replace(clinical_angles.compute_clinical_angles(model, motion), sd=sd)
+    )
+
+
+@contextmanager
+def _without_subject_file() -> abc.Iterator[None]:
+    """Let remedies that speak of a subject file say where labels are mapped here."""
+    try:
+        yield
+    except InputError as error:
+        if error.remedy is not None:
+            error.remedy = error.remedy.replace(
+                "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
+            ).partition("; or say in the subject file")[0]
+        raise

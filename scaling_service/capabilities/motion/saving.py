@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections import abc
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion import result, unshown
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
-from scaling_service.capabilities.motion.document import (
-    CoordinateSummary,
-    KinematicErrorDocument,
-    MotionDocument,
-    TrackedTrialDocument,
-)
-from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
-from scaling_service.capabilities.motion.uncertainty import CoordinateSd
-from scaling_service.capabilities.motion.unshown import hide_unshown, list_unshown_names
-from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.arrays import Array
-from scaling_service.documents.writing import all_or_nothing, write_json
-from scaling_service.files.sto import Table, tabulate_motion, write_sto
+from scaling_service.documents import writing
+from scaling_service.files import sto
 from scaling_service.files.tables import format_rows
-from scaling_service.model.anatomy.frames import ANGLES, SIDES
-from scaling_service.model.body import BodyModel, Coupler
-from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
+from scaling_service.model import body
+from scaling_service.model import compile as compiling
+from scaling_service.model.anatomy import frames
 from scaling_service.model.poses import pose_segments
 from scaling_service.model.results import Motion
-from scaling_service.recording.settings import ProcessingSettings
 
 CLINICAL = "_clinical.csv"
 HELD = "_opensim.mot"
@@ -39,7 +29,7 @@ HELD = "_opensim.mot"
 FILE_NAME = "ik.json"
 
 
-def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
+def write_motion(path: Path, motion: Motion, model: body.BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
     A dependent coordinate of OpenSim's motion type "coupled" stays in radians where the file is in degrees.
@@ -47,7 +37,7 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     second file (``HELD``) has those that are never shown at their neutral value, and leaves out other frames
     with one.
     """
-    told = replace(motion, q=hide_unshown(motion, model, motion.q))
+    told = replace(motion, q=unshown.hide_unshown(motion, model, motion.q))
     _write(path, told, told.q, _follow(told, model), model)
     lost = np.isnan(told.q)
     if lost.any():
@@ -58,41 +48,47 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
         _write(path.with_name(f"{path.stem}{HELD}"), held, held.q, _follow(held, model), model)
 
 
-def _follow(motion: Motion, model: BodyModel) -> list[Array]:
+def _follow(motion: Motion, model: body.BodyModel) -> list[Array]:
     """Dependent coordinates, each (n_frames,)."""
-    return [evaluate_law_at(coupler.law, _express_leading(coupler, motion)) for coupler in model.couplers]
+    return [
+        compiling.evaluate_law_at(coupler.law, _express_leading(coupler, motion))
+        for coupler in model.couplers
+    ]
 
 
-def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
+def write_motion_sd(path: Path, motion: Motion, sd: Array, model: body.BodyModel) -> None:
     """Write standard deviations (n_frames, n_coordinates) in the columns and units of :func:`write_motion`.
 
     A dependent coordinate's is that of the leading one times the slope of its law. Infinite where markers do
     not show a coordinate.
     """
-    sd = hide_unshown(motion, model, np.where(np.isnan(motion.q), np.inf, sd), np.inf)
+    sd = unshown.hide_unshown(motion, model, np.where(np.isnan(motion.q), np.inf, sd), np.inf)
     followed = []
     for coupler in model.couplers:
-        slopes = differentiate_law_at(coupler.law, _express_leading(coupler, motion))
+        slopes = compiling.differentiate_law_at(coupler.law, _express_leading(coupler, motion))
         leading = sd[:, motion.coordinates.index(coupler.independent)]
         followed.append(np.where(np.isinf(leading), np.inf, np.abs(slopes) * leading))
     _write(path, motion, sd, followed, model)
 
 
-def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: BodyModel) -> None:
+def _write(
+    path: Path, motion: Motion, values: Array, followed: abc.Sequence[Array], model: body.BodyModel
+) -> None:
     names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
     kinds += [coupler.kind for coupler in model.couplers]
-    write_sto(
-        path, tabulate_motion(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
+    sto.write_sto(
+        path,
+        sto.tabulate_motion(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed])),
     )
 
 
-def _express_leading(coupler: Coupler, motion: Motion) -> Array:
+def _express_leading(coupler: body.Coupler, motion: Motion) -> Array:
     """The coordinate that a dependent one follows, (n_frames,)."""
     return motion.q[:, motion.coordinates.index(coupler.independent)]
 
 
-def tabulate_poses(motion: Motion, model: BodyModel) -> Table:
+def tabulate_poses(motion: Motion, model: body.BodyModel) -> sto.Table:
     """Where every segment is, in the columns of OpenSim's BodyKinematics.
 
     Origin in ground (m), and body-fixed X-Y-Z angles (deg); NaN where a coordinate that carries the segment
@@ -107,7 +103,7 @@ def tabulate_poses(motion: Motion, model: BodyModel) -> Table:
     columns = (f"{s}_{part}" for s in model.segment_names for part in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
     values = np.concatenate([poses[..., :3], angles], axis=2).reshape(len(poses), -1)
     data = np.column_stack([motion.times, values])
-    return Table(name=motion.trial, columns=("time", *columns), data=data, in_degrees=True)
+    return sto.Table(name=motion.trial, columns=("time", *columns), data=data, in_degrees=True)
 
 
 def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
@@ -117,8 +113,8 @@ def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
     """
     columns = {
         f"{name}_{side}_{what}deg": np.degrees(values[side][name])
-        for side in SIDES
-        for name in ANGLES
+        for side in frames.SIDES
+        for name in frames.ANGLES
         for what, values in (("", angles.values), ("sd_", angles.sd))
         if name in angles.values[side] and name in values.get(side, {})
     }
@@ -127,13 +123,13 @@ def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
         write_numbers(folder / f"{angles.trial}{CLINICAL}", ["time_s", *columns], format_numbers(rows))
 
 
-def format_numbers(table: Array) -> Iterator[list[str]]:
+def format_numbers(table: Array) -> abc.Iterator[list[str]]:
     """Rows of a table, (n_rows, n_columns), as text; empty where a number is not known."""
     for lines in format_rows(",".join(["%.4f"] * table.shape[1]), table):
         yield from (line.split(",") for line in lines.replace("nan", "").splitlines())
 
 
-def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+def write_numbers(path: Path, heads: abc.Sequence[str], rows: abc.Iterable[abc.Sequence[str]]) -> None:
     """A table of comma-separated values."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -141,7 +137,7 @@ def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]
         writer.writerows(rows)
 
 
-def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
+def save_motions(tracked: result.Tracked, folder: str | Path) -> result.MotionDocument:
     """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
     Parameters
@@ -169,94 +165,15 @@ def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
     ['gait_1']
     """
     model = tracked.loaded.session.model
-    with all_or_nothing(Path(folder)) as scratch:
+    with writing.all_or_nothing(Path(folder)) as scratch:
         for name, trial in tracked.trials.items():
             write_motion(scratch / f"{name}_ik.mot", trial.motion, model)
             write_motion_sd(scratch / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, model)
             if trial.angles is not None:
                 write_clinical_angles(scratch, trial.angles)
             if tracked.options.poses:
-                write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
-        document = _make_document(tracked, sorted(path.name for path in scratch.iterdir()))
-        write_json(scratch / FILE_NAME, document)
+                sto.write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
+        files = sorted(path.name for path in scratch.iterdir())
+        document = tracked.make_document(files)
+        writing.write_json(scratch / FILE_NAME, document)
     return document
-
-
-def _make_document(tracked: Tracked, files: list[str]) -> MotionDocument:
-    loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
-    processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
-    settings = options.resolved() | {"processing": processing}
-    return MotionDocument(
-        **record_provenance(loaded, session.evaluation, settings),
-        model=Path(session.subject.model).name,
-        axes=loaded.axes,
-        units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
-        locked=[c.name for c in session.model.coordinates if c.locked],
-        trials={name: make_trial_document(trial, session.model) for name, trial in tracked.trials.items()},
-        warnings=list(session.warnings),
-        files=files,
-        wall_s=round(tracked.wall_s, 3),
-    )
-
-
-def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
-    """One trial's part of ``ik.json``."""
-    motion, spread = tracked.motion, tracked.uncertainty
-    error = tracked.error
-    return TrackedTrialDocument(
-        kinematic_error_mm=KinematicErrorDocument(
-            mean=_to_mm_or_none(error.mean),
-            rms=_to_mm_or_none(error.rms),
-            max=_to_mm_or_none(error.max),
-            per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
-        ),
-        not_determined=[n for n in motion.coordinates if n in list_unshown_names(motion, model)],
-        frames_not_determined=_count_undetermined(
-            motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()
-        ),
-        frames_at_range_end=_count_undetermined(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
-        marker_noise_mm={
-            name: _to_mm(sd)
-            for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
-            if np.isfinite(sd)
-        },
-        rotation_error_deg={
-            label: round(float(np.degrees(np.sqrt(np.nanmean(np.square(angles))))), 4)
-            for label, angles in motion.turns.items()
-            if np.isfinite(angles).any()
-        },
-        frames=len(motion.times),
-        summary=dict(_summarise(motion, spread, model)),
-    )
-
-
-def _summarise(
-    motion: Motion, spread: CoordinateSd, model: BodyModel
-) -> Iterator[tuple[str, CoordinateSummary]]:
-    kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
-    for k, name in enumerate(motion.coordinates):
-        known = motion.q[:, k][np.isfinite(motion.q[:, k])]
-        if name not in kinds or name not in motion.estimated or not len(known):
-            continue
-        unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
-        sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
-        yield (
-            name,
-            CoordinateSummary(
-                mean=round(float(unit * known.mean()), 4),
-                mean_sd=round(sd, 4) if np.isfinite(sd) else None,
-                range=round(float(unit * np.ptp(known)), 4),
-            ),
-        )
-
-
-def _count_undetermined(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:
-    return {name: count for name, count in zip(names, counts, strict=True) if count}
-
-
-def _to_mm(metres: float) -> float:
-    return round(1e3 * metres, 4)
-
-
-def _to_mm_or_none(metres: float) -> float | None:
-    return _to_mm(metres) if np.isfinite(metres) else None

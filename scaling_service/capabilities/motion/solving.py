@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
+from scaling_service.numerics.least_squares import estimator
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.sweep import DEFAULT, MotionSolution, SweepSettings, solve_motion
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.multibody import sweep, tree
 
 _OPEN = 1e-2  # m or rad; chosen: from so near a loop closes without a detour
-_LOOSE = Settings(relative_decrease=1e-3)
+_LOOSE = estimator.Settings(relative_decrease=1e-3)
 
 
 def solve_from(
@@ -24,16 +23,16 @@ def solve_from(
     rows: slice | NDArray[np.intp],
     start: Array,
     progress: Callable[[int], None] | None = None,
-    settings: SweepSettings = DEFAULT,
+    settings: sweep.SweepSettings = sweep.SweepSettings(),
     prior: tuple[Array, Array] | None = None,
-) -> MotionSolution:
+) -> sweep.MotionSolution:
     """Some frames of a task from a start (n, n_coordinates), each to the minimum nearest to it.
 
     ``prior``: values and weights of the coordinates beside the markers, in place of the joints' ranges.
     """
     prior = task.ranges.in_frames(rows).prior if prior is None else prior
     if task.is_swept:
-        return solve_motion(
+        return sweep.solve_motion(
             task.tree,
             task.measured[rows],
             task.weights,
@@ -50,7 +49,7 @@ def solve_from(
 
 def _solve_densely(
     task: Task, rows: slice | NDArray[np.intp], start: Array, prior: tuple[Array, Array] | None
-) -> MotionSolution:
+) -> sweep.MotionSolution:
     """By the general estimator: coordinates that enter several links, closed loops, and robust losses.
 
     Where a loop is open at the start, it first counts as one more marker: to close it at once would forget
@@ -78,11 +77,15 @@ def _solve_densely(
         closure=task.closure,
     )
     if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
-        start = solve_motion_alone(replace(problem, closed=False), start, task.p, _LOOSE).q
-    found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-7))
+        start = estimator.solve_motion_alone(replace(problem, closed=False), start, task.p, _LOOSE).q
+    found = estimator.solve_motion_alone(problem, start, task.p, estimator.Settings(relative_decrease=1e-7))
     gap = measured - np.moveaxis(
-        place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
+        tree.place_tree_markers(
+            task.tree, tree.pose_links(task.tree, np.ascontiguousarray(found.q.T), task.p)
+        ),
+        -1,
+        0,
     )
     cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
     steps = np.full(len(measured), found.steps)
-    return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
+    return sweep.MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scaling_service.capabilities.motion.branches import cross_stretches, find_rotations
-from scaling_service.capabilities.motion.doubts import CAMERA_M, FASTEST, SPEED, find_jumps
+from scaling_service.capabilities.motion import branches, doubts
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import compute_marker_rates
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
+from scaling_service.numerics.multibody import sweep
 from scaling_service.numerics.signals.filters import find_runs
 
 COARSE_S = 0.08
@@ -24,12 +23,12 @@ COARSE_S = 0.08
 _SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
 _DEARER = 1.25  # chosen: times its cost that a frame held steady may have; noise asks for a tenth of that
 _SURE = 5.0  # chosen: SDs of a camera's noise, along what it turns at will, that are no disagreement
-_STEADY = SweepSettings(max_steps=2, close=True)
-_LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
+_STEADY = sweep.SweepSettings(max_steps=2, close=True)
+_LOOK = sweep.SweepSettings(max_steps=1)  # what a pose costs, but for one step
 _WHOLE_TURN = 2.0 * np.pi  # rad: nothing is less sure than that
 
 
-def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
+def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.MotionSolution:
     """What the markers hardly tell, held steady where a joint turns faster than people's joints do.
 
     Where the first and the third of three rotations stand nearly in one line, or an arm is nearly straight,
@@ -40,25 +39,40 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     """
     if not task.is_swept or len(times) < 3:
         return found
-    jumps = np.asarray(find_jumps(task, times, found.q).any(axis=1))
+    jumps = np.asarray(doubts.find_jumps(task, times, found.q).any(axis=1))
     step = float(np.median(np.diff(times)))
     rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
     if len(rows):
-        loose[rows] = _find_loose(task, rows, found.q[rows], FASTEST * step / 3.0)
+        # Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames
+        poses = found.q[rows]
+        limit = doubts.FASTEST * step / 3.0
+        turning = np.flatnonzero(
+            task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
+        )
+        heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
+        rates = compute_marker_rates(task.tree, poses, task.p, np.flatnonzero(task.free)) * heavy[:, None]
+        curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+        ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
+        variance = doubts.CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
+        own = np.isin(np.flatnonzero(task.free), turning)
+        loose[rows] = np.asarray((variance[:, own] > limit**2).any(axis=1))
     if not loose.any():
         return found
     around = np.ones(2 * max(1, round(COARSE_S / step)) + 1, dtype=bool)
     near = ndimage.binary_propagation(loose, mask=ndimage.binary_dilation(jumps, around))
     near[[0, -1]] = False
-    found = replace(found, q=cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
-    moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
-    weight = np.where(moving, (CAMERA_M / (SPEED * step)) ** 2, 0.0)
+    found = replace(found, q=branches.cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
+    moving = task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
+    weight = np.where(moving, (doubts.CAMERA_M / (doubts.SPEED * step)) ** 2, 0.0)
     for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
         rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
         if not len(rows):
             break
         q = found.q.copy()
-        q[rows] = np.where(moving, _bridge(q, kept, rows), q[rows])
+        # Coordinates in some rows, linear in time between those that are kept
+        q[rows] = np.where(
+            moving, np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1), q[rows]
+        )
         for share in _SHARES:
             # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
@@ -74,18 +88,6 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     return found
 
 
-def _find_loose(task: Task, rows: NDArray[np.intp], q: Array, limit: float) -> NDArray[np.bool_]:
-    """Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames."""
-    turning = np.flatnonzero(task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree)))
-    heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
-    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
-    ridge = (CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
-    variance = CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
-    own = np.isin(np.flatnonzero(task.free), turning)
-    return np.asarray((variance[:, own] > limit**2).any(axis=1))
-
-
 def _find_likelier(
     near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
 ) -> NDArray[np.bool_]:
@@ -98,10 +100,5 @@ def _find_likelier(
         np.bincount(runs, cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0))
         for cost, q in (before, after)
     )
-    dear = np.bincount(runs, after[0] > _DEARER * before[0] + (_SURE * CAMERA_M) ** 2) > 0
+    dear = np.bincount(runs, after[0] > _DEARER * before[0] + (_SURE * doubts.CAMERA_M) ** 2) > 0
     return np.asarray(((whole_after < whole) & ~dear)[runs])
-
-
-def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
-    """Coordinates in some rows, linear in time between those that are kept."""
-    return np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1)

@@ -6,12 +6,12 @@ import numpy as np
 
 from scaling_service.capabilities.motion.unshown import hide_unshown
 from scaling_service.core.tables import MotionTable
+from scaling_service.model import results
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Array, Motion
 
 
 def tabulate_coordinates(
-    trial: str, motion: Motion, model: BodyModel, sd: Array | None = None, *, system: str
+    trial: str, motion: results.Motion, model: BodyModel, sd: results.Array | None = None, *, system: str
 ) -> MotionTable:
     """Coordinates of a trial, degrees and m, each with its standard deviation where these are given.
 

@@ -12,26 +12,15 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import (
-    compile_constraints,
-    compile_model,
-    free_coordinates,
-    list_coordinate_bounds,
-    list_parameter_values,
-)
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss, find_seen
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import laws, rigid
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    Fixed,
-    Turn,
-)
 from scaling_service.numerics.multibody.plan import is_plain
-from scaling_service.numerics.multibody.rigid import find_nearest_rotation, fit_rigid
 from scaling_service.numerics.multibody.sweep import is_articulated
-from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -39,7 +28,7 @@ class Task:
     """What inverse kinematics solves: a compiled model, the markers to follow and how."""
 
     model: BodyModel
-    tree: Tree
+    tree: trees.Tree
     markers: tuple[str, ...]
     measured: Array
     weights: Array
@@ -47,7 +36,7 @@ class Task:
     bounds: tuple[Array, Array]
     p: Array
     ranges: Ranges  # what holds the coordinates that the markers do not show
-    loss: Loss = SQUARED
+    loss: problem.Loss = problem.SQUARED
     closure: Closure | None = None
 
     @classmethod
@@ -57,7 +46,7 @@ class Task:
         trial: Trial,
         *,
         weights: Mapping[str, float] | None = None,
-        loss: Loss = SQUARED,
+        loss: problem.Loss = problem.SQUARED,
         bounded: bool = True,
     ) -> Task:
         """Pair the model's markers with the trial's labels.
@@ -72,7 +61,10 @@ class Task:
                 field="marker_set",
                 remedy="Say where your markers sit on it: an OpenSim MarkerSet file under `marker_set:`",
             )
-        chosen = _list_usable(model, trial, weights or {})
+        weighted = weights or {}
+        shown = trial.shown_labels
+        found = {m.name: float(weighted.get(m.name, m.weight)) for m in model.markers if m.name in shown}
+        chosen = {name: weight for name, weight in found.items() if weight > 0.0}
         if not chosen:
             raise TrialUnusable(
                 f"none of the markers of model '{model.name}' is seen in trial '{trial.name}'",
@@ -84,11 +76,11 @@ class Task:
         count = len(model.coordinates)
         open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
         tree, measured, free = (
-            compile_model(model, names),
+            compiling.compile_model(model, names),
             trial.select(names).markers,
-            free_coordinates(model),
+            compiling.free_coordinates(model),
         )
-        heavy, p = np.array([chosen[name] for name in names]), list_parameter_values(model)
+        heavy, p = np.array([chosen[name] for name in names]), compiling.list_parameter_values(model)
         return cls(
             model=model,
             tree=tree,
@@ -96,17 +88,17 @@ class Task:
             measured=measured,
             weights=heavy,
             free=free,
-            bounds=list_coordinate_bounds(model) if bounded else open_ended,
+            bounds=compiling.list_coordinate_bounds(model) if bounded else open_ended,
             p=p,
             ranges=weigh_ranges(model, tree, measured, heavy, free, p),
             loss=loss,
-            closure=compile_constraints(model),
+            closure=compiling.compile_constraints(model),
         )
 
     @property
     def is_swept(self) -> bool:
         """Whether sweeps over the tree solve it: coordinates in one link each, plain squares, no loops."""
-        return is_articulated(self.tree) and self.loss is SQUARED and self.closure is None
+        return is_articulated(self.tree) and self.loss is problem.SQUARED and self.closure is None
 
     def at(self, p: Array) -> Task:
         """The same task at other parameter values, shape (n_parameters,)."""
@@ -117,13 +109,9 @@ class Task:
         return replace(self, measured=self.measured[rows], ranges=self.ranges.in_frames(rows))
 
 
-def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
-    shown = trial.shown_labels
-    found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in shown}
-    return {name: weight for name, weight in found.items() if weight > 0.0}
-
-
-def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]) -> Array:
+def guess_start(
+    tree: trees.Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]
+) -> Array:
     """Coordinates with the root link where its markers are, in every frame.
 
     The root is the first link with free translations and rotations; it is placed by a rigid fit of
@@ -141,73 +129,81 @@ def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     if root is None:
         return q
     rotation, position = _place_root(tree, measured, neutral, p, root)
-    known = find_seen(position)
+    known = problem.find_seen(position)
     if not known.any():
         return q
     angles = _solve_root_turns(tree, root, rotation[known])
     for coordinate, values in angles.items():
         q[known, coordinate] = values
-    q[known] = _translate(tree, root, q[known], position[known], p)
+    # The root's translations set so that its origin lies at `position`
+    moved = q[known]
+    target = position[known]
+    poses = trees.pose_links(tree, np.ascontiguousarray(moved.T), p)
+    shifts = [
+        e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
+    ]
+    if len(shifts) == 3:
+        rates = poses.directions(shifts).transpose(2, 1, 0)
+        gap = target - poses.origins[root].T
+        own = [tree.factors[e.term.factor].coordinate for e in shifts]
+        moved[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
+    q[known] = moved
     # Frames that could not be placed take the nearest one that could.
     rows = np.flatnonzero(known)
     nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
     return np.asarray(np.where(known[:, None], q, q[nearest]))
 
 
-def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
+def _free_root(tree: trees.Tree, free: NDArray[np.bool_]) -> int | None:
     for k, link in enumerate(tree.links):
         own = [v for v in tree.variables[k] if v < tree.n_coordinates and free[v]]
-        if link.parent == NONE and len(own) >= 3:
+        if link.parent == laws.NONE and len(own) >= 3:
             return k
     return None
 
 
-def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int) -> tuple[Array, Array]:
+def _place_root(
+    tree: trees.Tree, measured: Array, neutral: Array, p: Array, root: int
+) -> tuple[Array, Array]:
     """Rotation (n, 3, 3) and origin (n, 3) of the root link; NaN where it cannot be placed."""
-    poses = pose_links(tree, neutral[:, None], p)
-    placed = place_tree_markers(tree, poses)[:, :, 0]
+    poses = trees.pose_links(tree, neutral[:, None], p)
+    placed = trees.place_tree_markers(tree, poses)[:, :, 0]
     axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
     if tree.placed is not None:
-        return _turn_root(tree, measured, placed, axes, origin)
+        # As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle
+        # kept. `placed` (n_markers, 3), `axes` (3, 3): rows, and `origin` (3,): of the neutral body.
+        assert tree.placed is not None
+        seen = problem.find_seen(measured)
+        is_point = np.asarray(tree.placed > 0.0)
+        ahead, point = seen & ~is_point, seen & is_point
+        filled = np.where(seen[..., None], measured, 0.0)
+        turn = rigid.find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
+        turn[~ahead.any(axis=1)] = np.nan
+        count = np.maximum(point.sum(axis=1), 1)[:, None]
+        middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
+        before = point @ (placed - origin) / count
+        reached = middle - np.einsum("nij,nj->ni", turn, before)
+        known = np.asarray(np.isfinite(turn).all(axis=(1, 2)))
+        some = np.asarray(point.any(axis=1))
+        middles = np.where(some[:, None], reached, origin)
+        return turn @ axes.T, np.where(known[:, None], middles, np.nan)
     local = (placed - origin) @ axes.T
     own = tree.marker_rows[root]
-    rotation, position = fit_rigid(local[own], measured[:, own])
-    lost = ~find_seen(position)
+    rotation, position = rigid.fit_rigid(local[own], measured[:, own])
+    lost = ~problem.find_seen(position)
     if lost.any():
-        rotation[lost], position[lost] = fit_rigid(local, measured[lost])
+        rotation[lost], position[lost] = rigid.fit_rigid(local, measured[lost])
     return rotation, position
 
 
-def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: Array) -> tuple[Array, Array]:
-    """As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle kept.
-
-    ``placed`` (n_markers, 3), ``axes`` (3, 3): rows, and ``origin`` (3,): of the neutral body.
-    """
-    assert tree.placed is not None
-    seen = find_seen(measured)
-    is_point = np.asarray(tree.placed > 0.0)
-    ahead, point = seen & ~is_point, seen & is_point
-    filled = np.where(seen[..., None], measured, 0.0)
-    turn = find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
-    turn[~ahead.any(axis=1)] = np.nan
-    count = np.maximum(point.sum(axis=1), 1)[:, None]
-    middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
-    before = point @ (placed - origin) / count
-    reached = middle - np.einsum("nij,nj->ni", turn, before)
-    known = np.asarray(np.isfinite(turn).all(axis=(1, 2)))
-    some = np.asarray(point.any(axis=1))
-    position = np.where(some[:, None], reached, origin)
-    return turn @ axes.T, np.where(known[:, None], position, np.nan)
-
-
-def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
+def _solve_root_turns(tree: trees.Tree, root: int, rotation: Array) -> dict[int, Array]:
     """Angles of the root's turns that give these rotations; none if the turns are not three in a row."""
     axes, coordinates, offsets, gains = [], [], [], []
     prefix = np.eye(3)
     for move in tree.links[root].moves:
-        if isinstance(move, Fixed):
+        if isinstance(move, laws.Fixed):
             prefix = prefix @ move.rotation
-        elif isinstance(move, Turn):
+        elif isinstance(move, laws.Turn):
             term = move.terms[0]
             if len(move.terms) != 1 or not is_plain(term, tree.factors):
                 return {}
@@ -220,17 +216,3 @@ def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array
     target = Rotation.from_matrix(rotation @ prefix.T)
     angles = target.as_davenport(np.array(axes), "intrinsic", suppress_warnings=True)
     return {c: (angles[:, k] - offsets[k]) / gains[k] for k, c in enumerate(coordinates)}
-
-
-def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
-    """The root's translations set so that its origin lies at ``position``."""
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-    shifts = [
-        e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
-    ]
-    if len(shifts) == 3:
-        rates = poses.directions(shifts).transpose(2, 1, 0)
-        gap = position - poses.origins[root].T
-        own = [tree.factors[e.term.factor].coordinate for e in shifts]
-        q[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
-    return q

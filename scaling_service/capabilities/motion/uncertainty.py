@@ -14,7 +14,7 @@ processing filled counts as seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -22,20 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from scaling_service.model import people as population
 from scaling_service.model.anatomy.skin import is_pin
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.numerics.least_squares.problem import CLOSING, find_seen, find_shown
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    compute_jacobian,
-    order_by_frame,
-    place_tree_markers,
-    pose_links,
-)
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.task import Task
@@ -68,28 +62,47 @@ class SkinField:
     covariance: Array  # (3 m, 3 m), m2: of their displacements along the segment's axes, marker by marker
 
 
-def list_skin_fields(task: Task) -> Iterator[SkinField]:
+def list_skin_fields(task: Task) -> abc.Iterator[SkinField]:
     """The field over every segment that has markers, as people's skin moves.
 
     How far the markers depart from a rigid cluster in this recording tells a part of how much more, or less,
     than ordinary people's this person's skin moves there.
     """
-    model, people = task.model, read_people()
+    model, people = task.model, population.read_people()
     owners, told = [model.marker(name).segment for name in task.markers], tell_landmarks(model)
     for segment in dict.fromkeys(owners):
         rows = np.array([k for k, s in enumerate(owners) if s == segment], dtype=np.intp)
         names = [task.markers[k] for k in rows]
         places = np.array([model.marker(name).nominal for name in names])
         skin = cover_with_skin(model.bone_of(segment), people, told, names, places, 1.0)
-        level = _measure_deformation(places, task.measured[:, rows], skin) ** people.recorded_share
+        # How much more a cluster deforms than expected, as a ratio of lengths; one where nothing shows
+        # it. `places` (m, 3), `measured` (n, m, 3), m; `skin` (3 m, 3 m): covariance of displacements.
+        measured = task.measured[:, rows]
+        count = len(places)
+        whole = np.flatnonzero(np.isfinite(measured).all(axis=(1, 2)))
+        some = measured[whole[np.linspace(0, len(whole) - 1, min(len(whole), _FRAMES)).astype(np.intp)]]
+        rotation, shift = fit_rigid(places, some)
+        known = np.isfinite(shift).all(axis=1)
+        turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
+        rigid = np.concatenate([np.tile(np.eye(3), (count, 1)), turns.reshape(-1, 3)], axis=1)
+        free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
+        expected = float(np.trace(free @ skin))
+        if count < 3 or not known.any() or expected <= 0.0:
+            deformation = 1.0
+        else:
+            left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
+            deformation = max(
+                float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected)), _LEAST_DEFORMATION
+            )
+        level = deformation**people.recorded_share
         yield SkinField(rows, level**2 * skin)
 
 
 def cover_with_skin(
     bone: str,
-    people: People,
-    told: Mapping[str, str],
-    markers: Sequence[str],
+    people: population.People,
+    told: abc.Mapping[str, str],
+    markers: abc.Sequence[str],
     places: Array,
     share: float,
 ) -> Array:
@@ -100,26 +113,6 @@ def cover_with_skin(
     covariance = people.skin_covariance(bone, [told.get(name) for name in markers], places, share)
     moves = np.repeat([not is_pin(name) for name in markers], 3)
     return covariance * np.outer(moves, moves)
-
-
-def _measure_deformation(places: Array, measured: Array, skin: Array) -> float:
-    """How much more a cluster deforms than expected, as a ratio of lengths; one where nothing shows it.
-
-    ``places`` (m, 3), ``measured`` (n, m, 3), m; ``skin`` (3 m, 3 m): covariance of displacements.
-    """
-    count = len(places)
-    whole = np.flatnonzero(np.isfinite(measured).all(axis=(1, 2)))
-    some = measured[whole[np.linspace(0, len(whole) - 1, min(len(whole), _FRAMES)).astype(np.intp)]]
-    rotation, shift = fit_rigid(places, some)
-    known = np.isfinite(shift).all(axis=1)
-    turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
-    rigid = np.concatenate([np.tile(np.eye(3), (count, 1)), turns.reshape(-1, 3)], axis=1)
-    free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
-    expected = float(np.trace(free @ skin))
-    if count < 3 or not known.any() or expected <= 0.0:
-        return 1.0
-    left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
-    return max(float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected)), _LEAST_DEFORMATION)
 
 
 Mask = NDArray[np.bool_]
@@ -149,8 +142,8 @@ def estimate_coordinate_sd(
     q: Array,
     residuals: Array,
     known: Mask,
-    fields: Sequence[SkinField] = (),
-    rates: Callable[[Array], Array] | None = None,
+    fields: abc.Sequence[SkinField] = (),
+    rates: abc.Callable[[Array], Array] | None = None,
 ) -> CoordinateSd:
     """Standard deviation of every coordinate in every frame of a solved task.
 
@@ -167,7 +160,7 @@ def estimate_coordinate_sd(
     for rows in split_frames(len(q)):
         spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
-        axes = pose_links(task.tree, np.ascontiguousarray(q[rows].T), task.p).axes
+        axes = trees.pose_links(task.tree, np.ascontiguousarray(q[rows].T), task.p).axes
         turns = [axes[task.tree.marker_link[field.markers[0]]] for field in fields]
         sd[rows, task.free] = _spread(follow, variance, fields, turns, task.weights)
         if rates is not None:
@@ -175,7 +168,7 @@ def estimate_coordinate_sd(
             found = _spread(change[:, :, task.free] @ follow, variance, fields, turns, task.weights)
             combined.append(np.where(find_lost(change, held[rows] & task.free), np.nan, found))
     sd[held & task.free] = np.nan
-    shown = find_shown(residuals)
+    shown = problem.find_shown(residuals)
     noise = np.where(shown, np.sqrt(variance), np.nan)
     joined = np.concatenate(combined) if combined else None
     return CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=joined)
@@ -185,7 +178,7 @@ def count_departures(
     found: CoordinateSd,
     departures: Array,
     q: Array,
-    rates: Callable[[Array], Array] | None = None,
+    rates: abc.Callable[[Array], Array] | None = None,
 ) -> CoordinateSd:
     """Deviations of a model of which is known how far its coordinates are off in all.
 
@@ -210,7 +203,11 @@ def find_lost(change: Array, unknown: Mask) -> Mask:
 
 
 def _spread(
-    follow: Array, variance: Array, fields: Sequence[SkinField], turns: Sequence[Array], weights: Array
+    follow: Array,
+    variance: Array,
+    fields: abc.Sequence[SkinField],
+    turns: abc.Sequence[Array],
+    weights: Array,
 ) -> Array:
     """Standard deviations (n, k) of what follows displacements times root weights, (n, k, 3 n_markers).
 
@@ -233,7 +230,7 @@ class _Linearised:
     curvature: Array
 
 
-def split_frames(count: int) -> Iterator[slice]:
+def split_frames(count: int) -> abc.Iterator[slice]:
     """All frames, in blocks that are linearised together."""
     return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
@@ -241,24 +238,24 @@ def split_frames(count: int) -> Iterator[slice]:
 def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
     """Rates times root weights, zero for what is held and what is not seen."""
     free = np.flatnonzero(task.free)
-    heavy = np.repeat(np.where(find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
+    heavy = np.repeat(np.where(problem.find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
     rates = compute_marker_rates(task.tree, q, task.p, free)
     rates *= heavy[:, None]
     rates *= ~held[:, free, None]
     curvature = np.matmul(rates, rates.transpose(0, 2, 1))
     if task.closure is not None:
         bound = task.closure.linearise(q, task.p, free)[1] * ~held[:, free, None]
-        curvature += CLOSING * task.weights.sum() * np.matmul(bound, bound.transpose(0, 2, 1))
+        curvature += problem.CLOSING * task.weights.sum() * np.matmul(bound, bound.transpose(0, 2, 1))
     diagonal = np.einsum("nii->ni", curvature)
     diagonal += np.where(held[:, free], 1.0, _RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True))
     return _Linearised(rates, curvature)
 
 
-def compute_marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+def compute_marker_rates(tree: trees.Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
     """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
-    return order_by_frame(rates)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
+    rates = trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables)
+    return trees.order_by_frame(rates)
 
 
 def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
@@ -273,7 +270,7 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
     count = len(task.weights)
     squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
     for some in (rows[part] for part in split_frames(len(rows))):
-        shown = find_seen(residuals[some])
+        shown = problem.find_seen(residuals[some])
         spread = _linearise(task, q[some], residuals[some], held[some])
         hat = np.matmul(
             spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
@@ -291,7 +288,7 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
 
 
 def find_determined(
-    tree: Tree,
+    tree: trees.Tree,
     measured: Array,
     weights: Array,
     q: Array,
@@ -309,7 +306,7 @@ def find_determined(
     ``free`` (n_coordinates,): the others are known and count as determined. ``closure``: what every pose
     obeys, which determines coordinates as markers do.
     """
-    shown = find_seen(measured)
+    shown = problem.find_seen(measured)
     first, which = find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
@@ -334,7 +331,7 @@ def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], 
 
 
 def _judge(
-    tree: Tree,
+    tree: trees.Tree,
     patterns: NDArray[np.bool_],
     weights: Array,
     q: Array,
@@ -342,9 +339,9 @@ def _judge(
     variables: NDArray[np.intp],
     closure: Closure | None,
 ) -> NDArray[np.bool_]:
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
     rates = np.moveaxis(
-        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
     )
     share = patterns * (weights > 0.0)
     rates = (rates * share[:, :, None, None]).reshape(len(q), -1, len(variables))

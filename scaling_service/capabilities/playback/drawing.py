@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import abc
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from trimesh.exchange.gltf import export_glb
 
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, poses
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
+from scaling_service.model.anatomy import lengths
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
@@ -31,7 +31,7 @@ def find_knee_axes(model: body.BodyModel) -> dict[str, tuple[body.Vector, body.V
     """Thigh to both ends of its knee's axis in its frame, m, with the knee straight; hinges only."""
     found = {}
     for side in ("r", "l", ""):
-        thigh, shank = (find_segment(model, role, side) for role in ("femur", "tibia"))
+        thigh, shank = (lengths.find_segment(model, role, side) for role in ("femur", "tibia"))
         if thigh is not None and shank is not None and model.segment(shank).parent == thigh:
             axis = _find_first_axis(model, model.segment(shank))
             if axis is not None:
@@ -52,7 +52,7 @@ def _find_first_axis(model: body.BodyModel, segment: body.Segment) -> tuple[Arra
 
 
 def build_surfaces(
-    model: body.BodyModel, bones: Mapping[str, Bone]
+    model: body.BodyModel, bones: abc.Mapping[str, Bone]
 ) -> tuple[dict[str, trimesh.Trimesh], dict[str, Shape]]:
     """A surface of every segment that has a size, in the segment's frame.
 
@@ -74,7 +74,7 @@ def build_surfaces(
     return found, shapes
 
 
-def to_glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
+def to_glb(meshes: abc.Mapping[str, trimesh.Trimesh]) -> bytes:
     """Surfaces as binary glTF, each a node of its segment's name that stands where its frame stands."""
     scene = trimesh.Scene()
     for name, mesh in meshes.items():
@@ -85,7 +85,11 @@ def to_glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
 
 def _list_points(model: body.BodyModel, segment: str) -> Array:
     """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
-    joints = np.stack([np.zeros(3), *_list_joints(model, segment)])
+    frames = poses.pose_neutral_frames(model)
+    R, origin = frames[segment]
+    children = [(frames[child.name][1] - origin) @ R for child in model.children(segment)]
+    centres = [np.array(at) for where, at in lengths.find_joint_centres(model).values() if where == segment]
+    joints = np.stack([np.zeros(3), *children, *centres])
     ends = find_ends(joints)
     if ends is not None:
         return ends
@@ -111,14 +115,6 @@ def find_ends(joints: Array) -> Array | None:
     return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
 
 
-def _list_joints(model: body.BodyModel, segment: str) -> Iterator[Array]:
-    frames = poses.pose_neutral_frames(model)
-    R, origin = frames[segment]
-    for child in model.children(segment):
-        yield (frames[child.name][1] - origin) @ R
-    yield from (np.array(at) for where, at in find_joint_centres(model).values() if where == segment)
-
-
 def make_simple_shape(points: Array) -> trimesh.Trimesh | None:
     """A smooth shape around points, (n, 3), m; None where they have no extent.
 
@@ -134,7 +130,7 @@ def make_simple_shape(points: Array) -> trimesh.Trimesh | None:
     return hull
 
 
-def place_bones(calibration: Calibration, bones: Mapping[str, Bone]) -> dict[str, Bone]:
+def place_bones(calibration: Calibration, bones: abc.Mapping[str, Bone]) -> dict[str, Bone]:
     """Each imaged bone in its segment's frame, m; bones without a pose in the image are left out."""
     return {
         name: Bone(pose.to_local(bones[name].vertices), bones[name].faces)

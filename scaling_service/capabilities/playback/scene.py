@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback import drawing
-from scaling_service.capabilities.playback.document import (
-    AxisEntry,
-    BodyEntry,
-    BodyMarker,
-    CoordinateEntry,
-    GaitScene,
-    MotionEntry,
-    PlacedEntry,
-    Point,
-    SceneDocument,
-    SceneTrial,
-    SegmentEntry,
-)
 from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.documents.writing import write_json
 from scaling_service.files import table_files
 from scaling_service.model import poses
+from scaling_service.model import trial as trials
 from scaling_service.model.anatomy.lengths import find_joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import (
-    Bone,
-    Trial,
-)
 
 FOLDER = "scene"
 FILE_NAME = f"{FOLDER}/scene.json"
@@ -65,7 +50,7 @@ class Body:
 
     name: str
     model: BodyModel
-    bones: Mapping[str, Bone] = field(default_factory=dict)
+    bones: abc.Mapping[str, trials.Bone] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -96,7 +81,7 @@ class Recorded:
     ``corners``: (n_plates, 4, 3), m.
     """
 
-    trial: Trial
+    trial: trials.Trial
     role: Literal["calibration", "evaluation"]
     played: tuple[Played, ...]
     forces: GroundForces | None = None
@@ -105,19 +90,19 @@ class Recorded:
 
 def write_scene(
     subject: str,
-    bodies: Sequence[Body],
-    recorded: Sequence[Recorded],
-    gait: GaitScene | None,
+    bodies: abc.Sequence[Body],
+    recorded: abc.Sequence[Recorded],
+    gait: playing.GaitScene | None,
     outputs: Path,
     most_frames: int | None = None,
-) -> SceneDocument:
+) -> playing.SceneDocument:
     """Write ``scene/scene.json`` with its tables and surfaces.
 
     ``outputs``: the folder of the job's files.
     ``most_frames``: of a recording; of a longer one every second, third, … frame is kept, in brief.
     """
     files = table_files.ArrayFiles(outputs, FOLDER, brief=most_frames is not None)
-    document = SceneDocument(
+    document = playing.SceneDocument(
         subject=subject,
         bodies=[_make_body(body, outputs) for body in bodies],
         trials=[
@@ -130,18 +115,20 @@ def write_scene(
     return document
 
 
-def _make_body(body: Body, outputs: Path) -> BodyEntry:
+def _make_body(body: Body, outputs: Path) -> playing.BodyEntry:
     model, values = body.model, poses.list_model_values(body.model)
     found, shapes = drawing.build_surfaces(model, body.bones)
     name = f"{FOLDER}/{_make_plain_name(body.name)}.glb"
     (outputs / name).parent.mkdir(parents=True, exist_ok=True)
     (outputs / name).write_bytes(drawing.to_glb(found))
-    return BodyEntry(
+    return playing.BodyEntry(
         name=body.name,
         bones=name,
-        segments=[SegmentEntry(name=s.name, parent=s.parent, shape=shapes[s.name]) for s in model.segments],
+        segments=[
+            playing.SegmentEntry(name=s.name, parent=s.parent, shape=shapes[s.name]) for s in model.segments
+        ],
         markers=[
-            BodyMarker(
+            playing.BodyMarker(
                 name=m.name,
                 segment=m.segment,
                 xyz_m=_point(poses.evaluate_marker(m, values)),
@@ -151,19 +138,20 @@ def _make_body(body: Body, outputs: Path) -> BodyEntry:
             if m.weight > 0.0
         ],
         centres=[
-            PlacedEntry(name=centre, segment=segment, xyz_m=_point(np.array(at)))
+            playing.PlacedEntry(name=centre, segment=segment, xyz_m=_point(np.array(at)))
             for centre, (segment, at) in find_joint_centres(model).items()
         ],
         axes=[
-            AxisEntry(segment=segment, ends_m=ends) for segment, ends in drawing.find_knee_axes(model).items()
+            playing.AxisEntry(segment=segment, ends_m=ends)
+            for segment, ends in drawing.find_knee_axes(model).items()
         ],
     )
 
 
-def _make_trial(item: Recorded, files: table_files.ArrayFiles, step: int) -> SceneTrial:
+def _make_trial(item: Recorded, files: table_files.ArrayFiles, step: int) -> playing.SceneTrial:
     trial = item.trial
     labels = tuple(dict.fromkeys(name for played in item.played for name in played.markers))
-    return SceneTrial(
+    return playing.SceneTrial(
         name=trial.name,
         role=item.role,
         frames=-(-trial.n_frames // step),
@@ -180,7 +168,7 @@ def _make_trial(item: Recorded, files: table_files.ArrayFiles, step: int) -> Sce
 
 def _make_motion(
     played: Played, labels: tuple[str, ...], trial: str, files: table_files.ArrayFiles, step: int
-) -> MotionEntry:
+) -> playing.MotionEntry:
     model, q = played.model, played.q[::step]
     stem = f"{trial}.{_make_plain_name(played.body)}"
     errors = np.full((len(played.q), len(labels)), np.nan)
@@ -188,11 +176,11 @@ def _make_motion(
     # where frames are left out, the largest error of a stretch stands for it: no moment is missed
     largest = np.fmax.reduceat(errors, np.arange(0, len(errors), step), axis=0)
     turns = np.array([c.kind == "rotation" for c in model.coordinates])
-    return MotionEntry(
+    return playing.MotionEntry(
         poses=files.write(f"{stem}.poses", poses.pose_segments(model, q), "m, quaternion x y z w"),
         errors=files.write(f"{stem}.errors", largest, "mm", first_look="largest"),
         coordinates=[
-            CoordinateEntry(
+            playing.CoordinateEntry(
                 name=c.name, unit="deg" if c.kind == "rotation" else "m", estimated=c.name in played.estimated
             )
             for c in model.coordinates
@@ -214,7 +202,7 @@ def _of_plates(item: Recorded, files: table_files.ArrayFiles, unit: str, step: i
     )
 
 
-def _point(values: Array) -> Point:
+def _point(values: Array) -> playing.Point:
     x, y, z = (round(float(v), 6) for v in values)
     return (x, y, z)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,24 +10,14 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from scaling_service.capabilities.motion.clinical_angles import (
-    ClinicalAngles,
-    ClinicalCycles,
-    compute_clinical_angles,
-    cut_clinical_cycles,
-)
-from scaling_service.capabilities.motion.saving import (
-    format_numbers,
-    write_clinical_angles,
-    write_numbers,
-)
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.motion import clinical_angles, saving
+from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
+from scaling_service.documents import results
 from scaling_service.documents.service import GaitAngleWord
 from scaling_service.documents.writing import CYCLES_TABLE
-from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, WAYS, Side
+from scaling_service.model.anatomy import frames
 from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import find_reference_folder
 from scaling_service.model.results import Motion
@@ -73,7 +63,7 @@ class Reference:
 
     source: str
     population: str
-    bands: Mapping[str, Band]
+    bands: abc.Mapping[str, Band]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +76,8 @@ class GaitProfile:
         2009).
     """
 
-    variable_scores: Mapping[Side, Mapping[str, float]]
-    side_scores: Mapping[Side, float]
+    variable_scores: abc.Mapping[frames.Side, abc.Mapping[str, float]]
+    side_scores: abc.Mapping[frames.Side, float]
     score: float | None
 
 
@@ -130,7 +120,9 @@ def compute_gait_variable_score(cycles: Array, mean: Array) -> float:
     return float(np.sqrt(np.mean((whole[:, ::step] - mean) ** 2, axis=1)).mean())
 
 
-def compute_gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Reference) -> GaitProfile:
+def compute_gait_profile(
+    curves: abc.Mapping[frames.Side, abc.Mapping[str, Array]], reference: Reference
+) -> GaitProfile:
     """Scores of both sides.
 
     ``curves``: side to angle to its cycles, (n_cycles, n_nodes), rad. Sides, angles and cycles may be
@@ -147,7 +139,7 @@ def compute_gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: 
     complete = {side: by for side, by in scores.items() if len(by) == len(VARIABLES)}
     both = None
     if "r" in complete and "l" in complete:
-        once = [score for name, score in complete["r"].items() if name not in PELVIS]
+        once = [score for name, score in complete["r"].items() if name not in frames.PELVIS]
         both = _compute_rms([*once, *complete["l"].values()])
     return GaitProfile(scores, {side: _compute_rms(list(by.values())) for side, by in complete.items()}, both)
 
@@ -171,8 +163,8 @@ class ClinicalGait:
     ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
-    recordings: Mapping[str, ClinicalAngles]
-    cycles: Mapping[Side, ClinicalCycles]
+    recordings: abc.Mapping[str, clinical_angles.ClinicalAngles]
+    cycles: abc.Mapping[frames.Side, clinical_angles.ClinicalCycles]
     held_out: bool
     reason: str = ""
 
@@ -195,7 +187,10 @@ class ClinicalGait:
 
 
 def compute_clinical_gait(
-    model: BodyModel, motions: Mapping[str, Motion], trials: Sequence[Trial], fitted: Container[str] = ()
+    model: BodyModel,
+    motions: abc.Mapping[str, Motion],
+    trials: abc.Sequence[Trial],
+    fitted: abc.Container[str] = (),
 ) -> ClinicalGait:
     """The conventional angles of a model over its motions, and over the gait cycles that the markers show.
 
@@ -204,31 +199,32 @@ def compute_clinical_gait(
     ``fitted``: trials that the model was fitted to: their cycles count only where no other trial shows one.
     """
     followed = [trial for trial in trials if trial.name in motions]
-    recordings = {trial.name: compute_clinical_angles(model, motions[trial.name]) for trial in followed}
+    recordings = {
+        trial.name: clinical_angles.compute_clinical_angles(model, motions[trial.name]) for trial in followed
+    }
     held_out = [trial for trial in followed if trial.name not in fitted]
     cycles = _cut_cycles(recordings, held_out)
     of_held_out = bool(cycles)
     if not cycles:
         cycles = _cut_cycles(recordings, [trial for trial in followed if trial.name in fitted])
-    return ClinicalGait(recordings, cycles, of_held_out, "" if cycles else _describe_reason(followed))
+    why = ""
+    if not cycles and not followed:
+        why = "no movement was recorded"
+    elif not cycles:
+        why = explain_no_cycles(followed) or "no whole stride is followed"
+    return ClinicalGait(recordings, cycles, of_held_out, why)
 
 
 def _cut_cycles(
-    recordings: Mapping[str, ClinicalAngles], trials: Sequence[Trial]
-) -> dict[Side, ClinicalCycles]:
+    recordings: abc.Mapping[str, clinical_angles.ClinicalAngles], trials: abc.Sequence[Trial]
+) -> dict[frames.Side, clinical_angles.ClinicalCycles]:
     found = {
-        side: cut_clinical_cycles(
+        side: clinical_angles.cut_clinical_cycles(
             [(recordings[trial.name], find_gait_cycles(trial, side).cycles) for trial in trials], side
         )
-        for side in SIDES
+        for side in frames.SIDES
     }
     return {side: cycles for side, cycles in found.items() if cycles is not None}
-
-
-def _describe_reason(trials: Sequence[Trial]) -> str:
-    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
-    said = [reason for reason in reasons if reason]
-    return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
 
 
 def write_clinical(folder: Path, gait: ClinicalGait) -> None:
@@ -237,23 +233,23 @@ def write_clinical(folder: Path, gait: ClinicalGait) -> None:
     Nothing is written where the model tells none of the angles, or where there is no cycle.
     """
     for angles in gait.recordings.values():
-        write_clinical_angles(folder, angles)
+        saving.write_clinical_angles(folder, angles)
     if gait.cycles:
-        heads = ["trial", "side", "start_s", "end_s", "cycle_pct", *(f"{name}_deg" for name in ANGLES)]
+        heads = ["trial", "side", "start_s", "end_s", "cycle_pct", *(f"{name}_deg" for name in frames.ANGLES)]
         found = [row for cycles in gait.cycles.values() for row in _list_cycle_rows(cycles)]
-        write_numbers(folder / CYCLES_TABLE, heads, found)
+        saving.write_numbers(folder / CYCLES_TABLE, heads, found)
 
 
-def make_clinical_document(gait: ClinicalGait) -> ClinicalDocument:
+def make_clinical_document(gait: ClinicalGait) -> results.ClinicalDocument:
     """The same, summed up over cycles, as it stands in ``scaling.json``."""
     profile, reference = gait.profile, read_schwartz2008()
-    return ClinicalDocument(
+    return results.ClinicalDocument(
         reference=reference.source,
         population=reference.population,
         sides={
-            side: ClinicalSide(
+            side: results.ClinicalSide(
                 cycles=[
-                    ClinicalCycle(trial=trial, start_s=round(start, 4), end_s=round(end, 4))
+                    results.ClinicalCycle(trial=trial, start_s=round(start, 4), end_s=round(end, 4))
                     for trial, start, end in cycles.cycles
                 ],
                 curves={name: _summarise_curve(values) for name, values in cycles.values.items()},
@@ -272,18 +268,20 @@ def make_clinical_document(gait: ClinicalGait) -> ClinicalDocument:
     )
 
 
-def _summarise_curve(values: Array) -> ClinicalCurve:
+def _summarise_curve(values: Array) -> results.ClinicalCurve:
     """Mean and scatter of the cycles that are known, at every second node."""
     known = np.degrees(values[np.isfinite(values).all(axis=1)][:, ::2])
     sd = known.std(axis=0, ddof=1).round(3).tolist() if len(known) > 1 else None
-    return ClinicalCurve(mean_deg=known.mean(axis=0).round(3).tolist(), sd_deg=sd, n_cycles=len(known))
+    return results.ClinicalCurve(
+        mean_deg=known.mean(axis=0).round(3).tolist(), sd_deg=sd, n_cycles=len(known)
+    )
 
 
-def _list_cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
+def _list_cycle_rows(cycles: clinical_angles.ClinicalCycles) -> abc.Iterable[list[str]]:
     unknown = np.full((len(cycles.cycles), NODES), np.nan)
-    table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in ANGLES], axis=2))
+    table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in frames.ANGLES], axis=2))
     for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
-        for percent, row in enumerate(format_numbers(rows)):
+        for percent, row in enumerate(saving.format_numbers(rows)):
             yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *row]
 
 
@@ -293,17 +291,19 @@ def _to_degrees(angle: float) -> float:
 
 def list_gait_angles() -> list[GaitAngleWord]:
     """All angles that a gait laboratory reads: their names for people, and what is usual, deg."""
-    return [_describe_gait_angle(name) for name in ANGLES if name in WAYS]
-
-
-def _describe_gait_angle(name: str) -> GaitAngleWord:
-    title, negative, positive = WAYS[name]
-    usual = read_schwartz2008().bands.get(name)
-    return GaitAngleWord(
-        name=name,
-        title=title,
-        negative=negative,
-        positive=positive,
-        usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
-        usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
-    )
+    found = []
+    for name in frames.ANGLES:
+        if name in frames.WAYS:
+            title, negative, positive = frames.WAYS[name]
+            usual = read_schwartz2008().bands.get(name)
+            found.append(
+                GaitAngleWord(
+                    name=name,
+                    title=title,
+                    negative=negative,
+                    positive=positive,
+                    usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
+                    usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
+                )
+            )
+    return found

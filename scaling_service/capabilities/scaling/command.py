@@ -8,23 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
-from scaling_service.capabilities.shared.flags import (
-    Out,
-    Report,
-    SubjectFile,
-    Tables,
-    read_names,
-    with_flags,
-)
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.names import list_method_names
-from scaling_service.capabilities.shared.screen import (
-    list_files,
-    make_console,
-    print_subject,
-    print_tables,
-    running,
-    say,
-)
 from scaling_service.capabilities.shared.settings import Settings
 
 COMMANDS = ("scale", "compare")
@@ -33,16 +18,16 @@ if TYPE_CHECKING:
     from scaling_service.documents.results import ComparisonDocument
 
 
-@with_flags
+@flags.with_flags
 def scale(
-    subject: SubjectFile,
-    out: Out,
+    subject: flags.SubjectFile,
+    out: flags.Out,
     settings: Settings,
     options: ScaleOptions,
     method: Annotated[
         str, typer.Option(metavar="|".join(list_method_names()), help="How to scale.")
     ] = "MB_am",
-    tables: Tables = "",
+    tables: flags.Tables = "",
 ) -> None:
     """Scale a subject's model by one method.
 
@@ -55,10 +40,10 @@ def scale(
     _compare(subject, out, (method,), settings, chosen, comparison=False, tables=tables)
 
 
-@with_flags
+@flags.with_flags
 def compare(
-    subject: SubjectFile,
-    out: Out,
+    subject: flags.SubjectFile,
+    out: flags.Out,
     settings: Settings,
     options: ComparisonOptions,
     methods: Annotated[
@@ -67,8 +52,8 @@ def compare(
             metavar="M,M,…", help=f"Of {', '.join(list_method_names())}; all that can be done unless given."
         ),
     ] = None,
-    tables: Tables = "",
-    report: Report = True,
+    tables: flags.Tables = "",
+    report: flags.Report = True,
 ) -> None:
     """Scale a subject's model by several methods and compare them.
 
@@ -79,7 +64,7 @@ def compare(
 
     scaling-service compare S01.yaml --methods MB,MB_am --up +z --out results
     """
-    chosen = None if methods is None else tuple(read_names(methods))
+    chosen = None if methods is None else tuple(flags.read_names(methods))
     _compare(subject, out, chosen, settings, options, comparison=True, report=report, tables=tables)
 
 
@@ -94,7 +79,7 @@ def _compare(
     report: bool = False,
     tables: str,
 ) -> None:
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.scaling.run import compare
         from scaling_service.capabilities.scaling.saving import save
         from scaling_service.capabilities.shared.tables import make_table_writer
@@ -110,15 +95,15 @@ def show(document: ComparisonDocument, out: Path) -> None:
     """Tables, warnings, verdict, and what was written, one line for each folder."""
     from scaling_service.capabilities.scaling.words import make_comparison_tables
 
-    console = make_console()
-    print_subject(console, document)
+    console = screen.make_console()
+    screen.print_subject(console, document)
     if document.verdict is not None and (out / "comparison.json").is_file():
-        say(console, "Verdict", "bold", [document.verdict.headline])
-    print_tables(console, make_comparison_tables(document))
+        screen.say(console, "Verdict", "bold", [document.verdict.headline])
+    screen.print_tables(console, make_comparison_tables(document))
     if document.muscles is not None:
-        say(console, "Muscles", "bold", document.muscles.summary)
-        say(console, "Note", "yellow", document.muscles.notes)
-    say(console, "Note", "yellow", document.all_warnings)
+        screen.say(console, "Muscles", "bold", document.muscles.summary)
+        screen.say(console, "Note", "yellow", document.muscles.notes)
+    screen.say(console, "Note", "yellow", document.all_warnings)
     files = [f"{m.method}/  {', '.join([*m.files, 'scaling.json'])}" for m in document.methods.values()]
     files += [name for name in ("comparison.json", "report.html") if (out / name).is_file()]
-    list_files(console, out, files)
+    screen.list_files(console, out, files)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections import abc
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +15,19 @@ from scaling_service.capabilities.scaling.comparison.curves import make_gait_cur
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
+from scaling_service.documents import results as documents
 from scaling_service.documents.base import Part
-from scaling_service.documents.results import ComparisonDocument, JointCentre, Provenance, TrialError
 from scaling_service.documents.writing import write_json
 
 IMAGED = "EB"
 
 
-class KinematicErrorComparison(Provenance):
+class KinematicErrorComparison(documents.Provenance):
     """How closely each method's model follows the markers."""
 
-    kinematic_error_mm: dict[str, dict[str, TrialError]] = Field(description="Method to trial to error.")
+    kinematic_error_mm: dict[str, dict[str, documents.TrialError]] = Field(
+        description="Method to trial to error."
+    )
     fitted_mean_mm: dict[str, float | None] = Field(description="Method to the mean over calibration trials.")
     held_out_mean_mm: dict[str, float | None] = Field(
         description="Method to the mean over evaluation trials."
@@ -33,11 +35,13 @@ class KinematicErrorComparison(Provenance):
     warnings: list[str]
 
 
-class SegmentLengthComparison(Provenance):
+class SegmentLengthComparison(documents.Provenance):
     """The sizes of the methods' models."""
 
     segment_lengths_mm: dict[str, dict[str, float]] = Field(description="Method to segment to length.")
-    joint_centres_mm: dict[str, dict[str, JointCentre]] = Field(description="Method to joint to centre.")
+    joint_centres_mm: dict[str, dict[str, documents.JointCentre]] = Field(
+        description="Method to joint to centre."
+    )
     reference: str = Field(
         description="EB, whose lengths come from images, where it was done; else the first."
     )
@@ -85,7 +89,7 @@ class GaitEntry(Part):
     angles: dict[str, CycleEntry]
 
 
-class JointAngleComparison(Provenance):
+class JointAngleComparison(documents.Provenance):
     """The joint angles that the methods' models give in the same recordings."""
 
     joint_angles: dict[str, dict[str, AngleEntry]] = Field(description="Trial to joint angle.")
@@ -97,7 +101,7 @@ Row = list[str | float | None]
 View = KinematicErrorComparison | SegmentLengthComparison | JointAngleComparison
 
 
-def view_kinematic_error(_: Results, document: ComparisonDocument) -> KinematicErrorComparison:
+def view_kinematic_error(_: Results, document: documents.ComparisonDocument) -> KinematicErrorComparison:
     """The errors of all methods."""
     methods = document.methods
     return KinematicErrorComparison(
@@ -108,7 +112,7 @@ def view_kinematic_error(_: Results, document: ComparisonDocument) -> KinematicE
     )
 
 
-def view_segment_lengths(_: Results, document: ComparisonDocument) -> SegmentLengthComparison:
+def view_segment_lengths(_: Results, document: documents.ComparisonDocument) -> SegmentLengthComparison:
     """The lengths of all methods, and how far they are from the reference's."""
     lengths = {name: found.segment_lengths_mm for name, found in document.methods.items()}
     reference = IMAGED if IMAGED in lengths else next(iter(lengths))
@@ -125,7 +129,7 @@ def view_segment_lengths(_: Results, document: ComparisonDocument) -> SegmentLen
     )
 
 
-def view_joint_angles(results: Results, document: ComparisonDocument) -> JointAngleComparison:
+def view_joint_angles(results: Results, document: documents.ComparisonDocument) -> JointAngleComparison:
     """The joint angles of all methods, in each recording and over the gait cycle."""
     names = list_joint_angles(next(iter(results.scalings.values())).calibration.model)
     trials = {
@@ -142,25 +146,26 @@ def view_joint_angles(results: Results, document: ComparisonDocument) -> JointAn
     )
 
 
-def _make_angle(curves: Mapping[str, Array]) -> AngleEntry:
+def _make_angle(curves: abc.Mapping[str, Array]) -> AngleEntry:
     known = {name: curve[np.isfinite(curve)] for name, curve in curves.items()}
+    pairs = []
+    for a, b in itertools.combinations(curves, 2):
+        # The difference of two curves over the frames in which both are known
+        apart = curves[a] - curves[b]
+        both = apart[np.isfinite(apart)]
+        pairs.append(
+            AngleDifference(
+                methods=(a, b),
+                frames=both.size,
+                rms_deg=_number(np.sqrt(np.mean(both**2))) if both.size else None,
+                mean_deg=_number(both.mean()) if both.size else None,
+                largest_deg=_number(np.abs(both).max()) if both.size else None,
+            )
+        )
     return AngleEntry(
         mean_deg={name: _number(curve.mean()) if curve.size else None for name, curve in known.items()},
         range_deg={name: _number(np.ptp(curve)) if curve.size else None for name, curve in known.items()},
-        pairs=[_pair(a, b, curves) for a, b in itertools.combinations(curves, 2)],
-    )
-
-
-def _pair(first: str, second: str, curves: Mapping[str, Array]) -> AngleDifference:
-    """The difference of two curves over the frames in which both are known."""
-    apart = curves[first] - curves[second]
-    known = apart[np.isfinite(apart)]
-    return AngleDifference(
-        methods=(first, second),
-        frames=known.size,
-        rms_deg=_number(np.sqrt(np.mean(known**2))) if known.size else None,
-        mean_deg=_number(known.mean()) if known.size else None,
-        largest_deg=_number(np.abs(known).max()) if known.size else None,
+        pairs=pairs,
     )
 
 
@@ -174,7 +179,7 @@ def _make_gait(results: Results, reference: str) -> GaitEntry:
     )
 
 
-VIEWS: Mapping[str, Callable[[Results, ComparisonDocument], View]] = {
+VIEWS: abc.Mapping[str, abc.Callable[[Results, documents.ComparisonDocument], View]] = {
     "kinematic_error": view_kinematic_error,
     "segment_lengths": view_segment_lengths,
     "joint_angles": view_joint_angles,
@@ -182,7 +187,7 @@ VIEWS: Mapping[str, Callable[[Results, ComparisonDocument], View]] = {
 """By the name of their files."""
 
 
-def write_view(folder: Path, name: str, results: Results, document: ComparisonDocument) -> View:
+def write_view(folder: Path, name: str, results: Results, document: documents.ComparisonDocument) -> View:
     """Write a view as ``name.json`` and its numbers as ``name.csv``."""
     view = VIEWS[name](results, document)
     write_json(folder / f"{name}.json", view)
@@ -191,7 +196,7 @@ def write_view(folder: Path, name: str, results: Results, document: ComparisonDo
     return view
 
 
-def _list_table_rows(view: View) -> Iterator[Row]:
+def _list_table_rows(view: View) -> abc.Iterator[Row]:
     """The header and the rows of a view's table."""
     match view:
         case KinematicErrorComparison():
@@ -212,8 +217,8 @@ def _list_table_rows(view: View) -> Iterator[Row]:
                         yield [trial, angle, *p.methods, p.frames, p.rms_deg, p.mean_deg, p.largest_deg]
 
 
-def _make_origin(document: ComparisonDocument) -> dict[str, Any]:
-    return {name: getattr(document, name) for name in (*Provenance.model_fields, "warnings")}
+def _make_origin(document: documents.ComparisonDocument) -> dict[str, Any]:
+    return {name: getattr(document, name) for name in (*documents.Provenance.model_fields, "warnings")}
 
 
 def _number(value: float) -> float:

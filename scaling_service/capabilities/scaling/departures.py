@@ -14,7 +14,6 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Scaling
-from scaling_service.model.results import SegmentSize
 
 
 def state_departures(scalings: Mapping[str, Scaling]) -> dict[str, Scaling]:
@@ -49,20 +48,16 @@ def _state(scaling: Scaling, posterior: Scaling) -> Scaling:
                 if name in angles:
                     angle_sds.setdefault(trial, {})[name] = float(np.sqrt(np.mean(known)))
     departures = tuple((name, float(np.sqrt(np.mean(squares)))) for name, squares in pooled.items())
+    sizes = dict(scaling.calibration.sizes)
+    sized = {size.dimension: size for size in posterior.calibration.sizes.values()}
+    for segment, size in sizes.items():
+        own, theirs = (s.geometry.lengths.get(size.dimension) for s in (scaling, posterior))
+        if own is not None and theirs is not None and size.dimension in sized:
+            spread = float(np.hypot(own - theirs, sized[size.dimension].sd * theirs)) / own
+            sizes[segment] = replace(size, sd=spread)
     calibration = replace(
         scaling.calibration,
         model=replace(model, departures=departures),
-        sizes=_state_sizes(scaling, posterior),
+        sizes=sizes,
     )
     return replace(scaling, calibration=calibration, angle_sds=angle_sds)
-
-
-def _state_sizes(scaling: Scaling, posterior: Scaling) -> dict[str, SegmentSize]:
-    sizes = dict(scaling.calibration.sizes)
-    known = {size.dimension: size for size in posterior.calibration.sizes.values()}
-    for segment, size in sizes.items():
-        own, mean = (s.geometry.lengths.get(size.dimension) for s in (scaling, posterior))
-        if own is not None and mean is not None and size.dimension in known:
-            sd = float(np.hypot(own - mean, known[size.dimension].sd * mean)) / own
-            sizes[segment] = replace(size, sd=sd)
-    return sizes

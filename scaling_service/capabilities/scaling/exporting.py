@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.muscles.engine import check_muscles, write_check
-from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
+from scaling_service.capabilities.scaling.muscles import engine
+from scaling_service.core import errors
 from scaling_service.documents.writing import write_json
 from scaling_service.files.engines import ENGINES
 from scaling_service.files.limbs import Skeleton
@@ -31,18 +31,18 @@ def export_models(folder: Path, model: BodyModel, osim: str | None, forms: Seque
     ``forms``: keys of ``files.engines.ENGINES``.
     """
     muscles, said = None, list[str]()
-    if osim is not None and "mjcf" in forms:
+    if osim is not None:
         try:
             poses = np.concatenate(list(sweep_coordinates(model, _STEPS).values()))
             found = read_musculature(osim, model, poses)
             muscles = found if found.muscles else None
-        except InputError as error:
+        except errors.InputError as error:
             said.append(f"muscles were not exported: {error}")
     for form in forms:
         file, write = ENGINES[form]
         try:
             exported = write(model, muscles)
-        except ModelRefused as error:
+        except errors.ModelRefused as error:
             said.append(f"{file} was not written: {error}")
             continue
         replace_text(folder / file, exported.text)
@@ -54,9 +54,9 @@ def export_models(folder: Path, model: BodyModel, osim: str | None, forms: Seque
 
 def _check(folder: Path, model: BodyModel, osim: str, muscles: Musculature, exported: Skeleton) -> list[str]:
     try:
-        found = check_muscles(model, osim, muscles, exported)
-    except DependencyMissing as error:
+        found = engine.check_muscles(model, osim, muscles, exported)
+    except errors.DependencyMissing as error:
         return [f"model.xml's muscles were not held against OpenSim's: {error}"]
-    write_check(folder, found)
+    engine.write_check(folder, found)
     write_json(folder / "model_muscles.json", found.document)
     return found.document.summary

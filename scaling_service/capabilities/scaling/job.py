@@ -7,19 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+import pydantic
 
-from scaling_service.capabilities.scaling.comparison_views import (
-    JointAngleComparison,
-    KinematicErrorComparison,
-    SegmentLengthComparison,
-)
+from scaling_service.capabilities.scaling import comparison_views
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
-from scaling_service.capabilities.shared.job import Kind, OfRecordings
-from scaling_service.capabilities.shared.names import check_methods, list_method_names
+from scaling_service.capabilities.shared import job, names
 from scaling_service.core.progress import Progress, report_part
+from scaling_service.documents import results as documents
 from scaling_service.documents.base import DOCUMENT
-from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.scaling.result import Results
@@ -28,15 +23,15 @@ _COMPUTING, _WRITING = 0.6, 0.95
 """Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest
 is what is played back."""
 
-ChosenMethods = Annotated[list[str] | None, AfterValidator(check_methods)]
+ChosenMethods = Annotated[list[str] | None, pydantic.AfterValidator(names.check_methods)]
 
 
-class ScalingRequest(OfRecordings, ComparisonOptions):
+class ScalingRequest(job.OfRecordings, ComparisonOptions):
     """Scale a subject's model by one or several methods and compare them."""
 
-    methods: ChosenMethods = Field(
+    methods: ChosenMethods = pydantic.Field(
         default=None,
-        description=f"Of {', '.join(list_method_names())}; all that the recordings allow unless given.",
+        description=f"Of {', '.join(names.list_method_names())}; all that the recordings allow unless given.",
         examples=[["MB", "MB_am"]],
     )
 
@@ -59,22 +54,22 @@ class JointAnglesRequest(ScalingRequest):
     view: ClassVar[str] = "joint_angles"
 
 
-class LinearRequest(OfRecordings, ScaleOptions):
+class LinearRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model in closed form: from marker distances, or from images."""
 
-    method: Literal["MB", "EB"] = Field(
+    method: Literal["MB", "EB"] = pydantic.Field(
         default="MB", description="MB from marker distances, EB from bones.", examples=["MB"]
     )
 
 
-class OptimisedRequest(OfRecordings, ScaleOptions):
+class OptimisedRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model by optimisation over its calibration trials."""
 
-    method: str = Field(
+    method: str = pydantic.Field(
         default="MB_am",
         description="What is free, and what it starts from.",
         examples=["MB_am"],
-        json_schema_extra={"enum": [name for name in list_method_names() if name not in ("MB", "EB")]},
+        json_schema_extra={"enum": [name for name in names.list_method_names() if name not in ("MB", "EB")]},
     )
 
 
@@ -112,7 +107,7 @@ def view_comparison(
 
 
 def _scale(
-    request: OfRecordings,
+    request: job.OfRecordings,
     methods: Sequence[str] | None,
     inputs: Path,
     outputs: Path,
@@ -120,47 +115,61 @@ def _scale(
     options: ComparisonOptions = ComparisonOptions(),
     *,
     comparison: bool = True,
-) -> tuple[Results, ComparisonDocument]:
+) -> tuple[Results, documents.ComparisonDocument]:
     """Scale by methods, and write their folders and, where wanted, the comparison and its report."""
     from scaling_service.capabilities.scaling.run import compare
     from scaling_service.capabilities.scaling.saving import save
     from scaling_service.capabilities.scaling.scene import write_results_scene
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(request.tables, outputs)
     subject, computing = inputs / request.subject / DOCUMENT, report_part(progress, 0.0, _COMPUTING)
     results = compare(subject, methods, request.settings, options, progress=computing)
     writing = report_part(progress, _COMPUTING, _WRITING - _COMPUTING)
     document = save(results, outputs, comparison=comparison, progress=writing)
+    write_tables(results.tables, document)
     progress("writing what is played back", _WRITING)
     write_results_scene(results, outputs)
     return results, document
 
 
-KINDS = {
-    "linear-scaling": Kind(
-        request=LinearRequest, work=scale_by_one, route="scalings/linear", result=ScalingDocument
-    ),
-    "optimised-scaling": Kind(
-        request=OptimisedRequest, work=scale_by_one, route="scalings/optimised", result=ScalingDocument
-    ),
-    "scaling": Kind(
-        request=ScalingRequest, work=compare_methods, route="comparisons", result=ComparisonDocument
-    ),
-    "kinematic-error": Kind(
-        request=KinematicErrorRequest,
-        work=view_comparison,
-        route="comparisons/kinematic-error",
-        result=KinematicErrorComparison,
-    ),
-    "segment-lengths": Kind(
-        request=SegmentLengthsRequest,
-        work=view_comparison,
-        route="comparisons/segment-lengths",
-        result=SegmentLengthComparison,
-    ),
-    "joint-angles": Kind(
-        request=JointAnglesRequest,
-        work=view_comparison,
-        route="comparisons/joint-angles",
-        result=JointAngleComparison,
-    ),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "linear-scaling": job.Kind(
+            request=LinearRequest,
+            work=scale_by_one,
+            route="scalings/linear",
+            result=documents.ScalingDocument,
+        ),
+        "optimised-scaling": job.Kind(
+            request=OptimisedRequest,
+            work=scale_by_one,
+            route="scalings/optimised",
+            result=documents.ScalingDocument,
+        ),
+        "scaling": job.Kind(
+            request=ScalingRequest,
+            work=compare_methods,
+            route="comparisons",
+            result=documents.ComparisonDocument,
+        ),
+        "kinematic-error": job.Kind(
+            request=KinematicErrorRequest,
+            work=view_comparison,
+            route="comparisons/kinematic-error",
+            result=comparison_views.KinematicErrorComparison,
+        ),
+        "segment-lengths": job.Kind(
+            request=SegmentLengthsRequest,
+            work=view_comparison,
+            route="comparisons/segment-lengths",
+            result=comparison_views.SegmentLengthComparison,
+        ),
+        "joint-angles": job.Kind(
+            request=JointAnglesRequest,
+            work=view_comparison,
+            route="comparisons/joint-angles",
+            result=comparison_views.JointAngleComparison,
+        ),
+    }

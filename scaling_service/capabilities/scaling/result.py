@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
@@ -12,20 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.run import TrackedTrial
+from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.scaling.clinical_gait import ClinicalGait, compute_clinical_gait
-from scaling_service.capabilities.scaling.comparison.evidence import (
-    Evidence,
-    MethodEvidence,
-    Moment,
-    Verdict,
-    average_errors,
-)
-from scaling_service.capabilities.scaling.comparison.geometry import (
-    Geometry,
-    estimate_usual_lengths,
-)
+from scaling_service.capabilities.scaling import clinical_gait
+from scaling_service.capabilities.scaling.comparison import evidence
+from scaling_service.capabilities.scaling.comparison import geometry as geometries
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison
@@ -79,15 +70,15 @@ class Scaling:
     """
 
     calibration: Calibration
-    motions: Mapping[str, Motion]
-    errors: Mapping[str, KinematicError]
-    geometry: Geometry
-    angle_sds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    deviations: Mapping[str, Array] = field(default_factory=dict)
+    motions: abc.Mapping[str, Motion]
+    errors: abc.Mapping[str, KinematicError]
+    geometry: geometries.Geometry
+    angle_sds: abc.Mapping[str, abc.Mapping[str, float]] = field(default_factory=dict)
+    deviations: abc.Mapping[str, Array] = field(default_factory=dict)
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
-    attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)
-    followed: Mapping[str, TrackedTrial] = field(default_factory=dict)
+    attachments: abc.Mapping[str, MovedAttachments] = field(default_factory=dict)
+    followed: abc.Mapping[str, TrackedTrial] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         numbers = len(self.calibration.parameters)
@@ -132,7 +123,7 @@ class Results:
 
     loaded: Loaded
     settings: Settings
-    scalings: Mapping[str, Scaling]
+    scalings: abc.Mapping[str, Scaling]
     warnings: tuple[str, ...] = ()
     wall_s: float = 0.0
     subject_file: Path | None = None
@@ -203,16 +194,16 @@ class Results:
         return {"errors": self.errors, "lengths": self.lengths, "parameters": self.parameters, **motions}
 
     @cached_property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> evidence.Verdict:
         """Which model to use for this person, why, and how far to trust it."""
         return judge(gather_evidence(self))
 
     @cached_property
-    def gait(self) -> Mapping[str, ClinicalGait]:
+    def gait(self) -> abc.Mapping[str, clinical_gait.ClinicalGait]:
         """What each method's model says in a gait laboratory's terms."""
         fitted = {trial.name for trial in self.session.calibration}
         return {
-            method: compute_clinical_gait(
+            method: clinical_gait.compute_clinical_gait(
                 scaling.calibration.model, scaling.motions, self.session.dynamic, fitted
             )
             for method, scaling in self.scalings.items()
@@ -226,41 +217,47 @@ class Results:
         return f"<p>{escape(repr(self))}</p>{self.errors._repr_html_()}{self.lengths._repr_html_()}"
 
 
-def gather_evidence(results: Results) -> Evidence:
+def gather_evidence(results: Results) -> evidence.Evidence:
     """What a verdict on the methods computed rests on."""
     session = results.session
     fitted = [trial.name for trial in session.calibration]
     names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
-    return Evidence(
+    return evidence.Evidence(
         tuple(
             _gather_method_evidence(scaling, fitted, results.held_out)
             for scaling in results.scalings.values()
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
-        estimate_usual_lengths(session.subject.height_m, sorted(names)),
+        geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
     )
 
 
 def _gather_method_evidence(
-    scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
-) -> MethodEvidence:
+    scaling: Scaling, fitted: abc.Sequence[str], held_out: abc.Sequence[str]
+) -> evidence.MethodEvidence:
     calibration, shape = scaling.calibration, scaling.geometry
     posterior, parameters = calibration.model.posterior, calibration.parameters
     # Where and when a marker is farthest from the model's.
-    found: list[Moment] = []
+    found: list[evidence.Moment] = []
     for trial, motion in scaling.motions.items():
         distances = motion.distances
         if np.isfinite(distances).any():
             frame, column = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
             time, away = float(motion.times[frame]), float(distances[frame, column])
-            found.append(Moment(motion.markers[column], trial, time, away))
-    return MethodEvidence(
+            found.append(evidence.Moment(motion.markers[column], trial, time, away))
+    # Joint angle to its root mean square deviation over trials, rad
+    trials = held_out or fitted
+    known: dict[str, list[float]] = {}
+    for trial in trials:
+        for name, sd in scaling.angle_sds.get(trial, {}).items():
+            known.setdefault(name, []).append(sd)
+    return evidence.MethodEvidence(
         method=calibration.method,
         from_images=METHODS[calibration.method].needs_images,
         skin=None if posterior is None else posterior.skin,
         worst=max(found, key=lambda moment: moment.distance, default=None),
-        fitted=average_errors(scaling.errors, fitted),
-        held_out=average_errors(scaling.errors, held_out),
+        fitted=evidence.average_errors(scaling.errors, fitted),
+        held_out=evidence.average_errors(scaling.errors, held_out),
         lengths=shape.lengths,
         length_sds={
             size.dimension: size.sd * shape.lengths[size.dimension]
@@ -268,17 +265,8 @@ def _gather_method_evidence(
             if size.dimension in shape.lengths
         },
         centre_sds={name: math.hypot(*centre.sd) for name, centre in calibration.centres.items()},
-        angle_sds=_average_sds(scaling.angle_sds, held_out or fitted),
+        angle_sds={name: float(np.sqrt(np.mean(np.square(values)))) for name, values in known.items()},
         by_people=()
         if posterior is None
         else tuple(p.name for p in parameters if p.group in ("length", "centre") and not p.identifiable),
     )
-
-
-def _average_sds(sds: Mapping[str, Mapping[str, float]], trials: Sequence[str]) -> dict[str, float]:
-    """Joint angle to its root mean square deviation over trials, rad."""
-    known: dict[str, list[float]] = {}
-    for trial in trials:
-        for name, sd in sds.get(trial, {}).items():
-            known.setdefault(name, []).append(sd)
-    return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in known.items()}

@@ -4,53 +4,40 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.motion import run as runs
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
-from scaling_service.capabilities.motion.run import TrackedTrial, follow_rotations, track
-from scaling_service.capabilities.scaling.comparison.geometry import (
-    compute_angle_errors,
-    compute_centre_errors,
-    compute_length_errors,
-    list_doubts,
-    list_joint_angles,
-    measure_geometry,
-)
+from scaling_service.capabilities.scaling import result
+from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.departures import state_departures
-from scaling_service.capabilities.scaling.methods.table import (
-    METHODS,
-    calibrate,
-    check_methods,
-)
+from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.scaling.sizes.without_markers import has_no_markers
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.core import progress as progressing
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.documents.results import TruthDocument
 from scaling_service.files.osim.models import render_osim
+from scaling_service.model import builtin
+from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
-from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
 from scaling_service.model.freed import hold_markers
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scale_model
-from scaling_service.model.subject import Session, Subject
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.example import make_demo_session
-from scaling_service.virtual.subject import VirtualSubject
 
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
@@ -61,12 +48,12 @@ _STEPS = 10  # of five bones: making them, finding their landmarks
 
 
 def scale(
-    subject: Subject | str | Path,
+    subject: subjects.Subject | str | Path,
     method: str = "MB_am",
     settings: Settings = Settings(),
     *,
-    progress: Progress | None = None,
-) -> Results:
+    progress: progressing.Progress | None = None,
+) -> result.Results:
     """Scale a subject's model by one method.
 
     Parameters
@@ -103,13 +90,13 @@ def scale(
 
 
 def compare(
-    subject: Subject | str | Path,
-    methods: Sequence[str] | None = None,
+    subject: subjects.Subject | str | Path,
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     options: ComparisonOptions = ComparisonOptions(),
     *,
-    progress: Progress | None = None,
-) -> Results:
+    progress: progressing.Progress | None = None,
+) -> result.Results:
     """Scale a subject's model by several methods.
 
     Parameters
@@ -145,8 +132,8 @@ def compare(
     ('method', 'trial', 'role', 'mean_mm', 'sd_mm', 'rms_mm', 'max_mm')
     """
     clock = time.perf_counter()
-    report = progress or show_nothing
-    check_methods(methods or ())
+    report = progress or progressing.show_nothing
+    table.check_methods(methods or ())
     report("reading the recordings", 0.0)
     loaded = open_subject(subject, settings, rotations=True)
     return run(loaded, methods, settings, options, progress=report, started=clock)
@@ -154,38 +141,40 @@ def compare(
 
 def run(
     loaded: Loaded,
-    methods: Sequence[str] | None = None,
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     options: ComparisonOptions = ComparisonOptions(),
     *,
-    progress: Progress | None = None,
+    progress: progressing.Progress | None = None,
     started: float | None = None,
-) -> Results:
+) -> result.Results:
     """Scale by several methods what is loaded already; see :func:`compare`.
 
     ``started``: value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
-    check_methods(methods or ())
+    table.check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
     turned = settings.up is not None
-    report = progress or show_nothing
+    report = progress or progressing.show_nothing
     calibrations: dict[str, Calibration] = {}
-    scalings: dict[str, Scaling] = {}
+    scalings: dict[str, result.Scaling] = {}
     with loaded.blame_files():
         if session.scale_setup is None and session.images is None and not has_no_markers(session):
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
             share = scaling / len(chosen)
-            part = report_part(report, _LOADING + share * k, share)
+            part = progressing.report_part(report, _LOADING + share * k, share)
             part(f"{method}: fitting", 0.0)
-            found = calibrate(
+            found = table.calibrate(
                 session, method, settings.calibration, calibrations, _report_steps(part, method)
             )
             scalings[method] = _evaluate(with_mass(found, session), session, part)
-            followed, notes = follow_rotations(scalings[method].calibration.model, session, turned=turned)
+            followed, notes = runs.follow_rotations(
+                scalings[method].calibration.model, session, turned=turned
+            )
             scalings[method] = replace(scalings[method], followed=followed)
             warnings = tuple(dict.fromkeys((*warnings, *map(str, notes))))
             if options.muscle_points == "surface":
@@ -193,14 +182,14 @@ def run(
             if options.muscle_parameters == "range":
                 scalings[method] = _keep_ranges(scalings[method], session)
     scalings = state_departures(scalings)
-    results = Results(
+    results = result.Results(
         loaded=loaded, settings=settings, scalings=scalings, subject_file=loaded.file, options=options
     )
     if options.muscles:
         with loaded.blame_files():
-            results = _with_muscles(results, report_part(report, 1.0 - _MUSCLES, _MUSCLES))
+            results = _with_muscles(results, progressing.report_part(report, 1.0 - _MUSCLES, _MUSCLES))
     report("done", 1.0)
-    doubtful = list_doubts(
+    doubtful = geometry.list_doubts(
         {method: scaling.errors for method, scaling in scalings.items()},
         {method: scaling.geometry.lengths for method, scaling in scalings.items()},
         session.subject.height_m,
@@ -210,7 +199,7 @@ def run(
     )
 
 
-def _with_muscles(results: Results, progress: Progress) -> Results:
+def _with_muscles(results: result.Results, progress: progressing.Progress) -> result.Results:
     """The results with what each method makes of the muscles, on held-out trials where there are some."""
     session = results.session
     scalings = {
@@ -224,7 +213,7 @@ def _with_muscles(results: Results, progress: Progress) -> Results:
     return replace(results, scalings=scalings, muscles=found)
 
 
-def _put_on_surfaces(scaling: Scaling, session: Session) -> Scaling:
+def _put_on_surfaces(scaling: result.Scaling, session: subjects.Session) -> result.Scaling:
     """The scaling with muscles attached where the person's bones are, if it lies on bones."""
     calibration, source = scaling.calibration, session.subject.model
     if not source.lower().endswith(".osim"):
@@ -242,7 +231,7 @@ def _put_on_surfaces(scaling: Scaling, session: Session) -> Scaling:
     return replace(scaling, calibration=noted, osim=found.osim, attachments=found.moved)
 
 
-def _keep_ranges(scaling: Scaling, session: Session) -> Scaling:
+def _keep_ranges(scaling: result.Scaling, session: subjects.Session) -> result.Scaling:
     """The scaling with fibres that work over the range that they have in the generic model."""
     calibration, source = scaling.calibration, session.subject.model
     if not source.lower().endswith(".osim"):
@@ -258,7 +247,7 @@ def _keep_ranges(scaling: Scaling, session: Session) -> Scaling:
     return replace(scaling, calibration=noted, osim=osim)
 
 
-def render_scaled(calibration: Calibration, session: Session) -> str:
+def render_scaled(calibration: Calibration, session: subjects.Session) -> str:
     """The text of a scaled model's file for OpenSim (DependencyMissing: OpenSim is not installed).
 
     Markers that skin moves with joints stand there where they are in the neutral pose.
@@ -279,11 +268,11 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
     )
 
 
-def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _choose_possible(session: subjects.Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
     if has_no_markers(session):
         return ("MB",), ()
-    imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
+    imaged = {n: m for n, m in table.METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
         return tuple(imaged), ()
     left_out = [name for name, method in imaged.items() if method.needs_movements]
@@ -291,7 +280,7 @@ def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]
     return tuple(name for name in imaged if name not in left_out), (note,)
 
 
-def _report_steps(part: Progress, method: str) -> Callable[[int, float], None]:
+def _report_steps(part: progressing.Progress, method: str) -> abc.Callable[[int, float], None]:
     """Steps of a fit as progress: how many are needed is not known, so each adds less."""
 
     def step(number: int, _cost: float) -> None:
@@ -300,7 +289,9 @@ def _report_steps(part: Progress, method: str) -> Callable[[int, float], None]:
     return step
 
 
-def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Scaling:
+def _evaluate(
+    calibration: Calibration, session: subjects.Session, part: progressing.Progress
+) -> result.Scaling:
     clock = time.perf_counter()
     motions: dict[str, Motion] = {}
     angle_sds: dict[str, dict[str, float]] = {}
@@ -311,83 +302,81 @@ def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Sca
         if calibration.model.posterior is None:
             motions[trial.name] = inverse_kinematics(calibration.model, trial)
             continue
-        tracked = track(calibration.model, trial)
+        tracked = runs.track(calibration.model, trial)
         motions[trial.name] = tracked.motion
-        angle_sds[trial.name] = _average_frames(calibration.model, tracked)
+        # Joint angle to its root mean square deviation over the frames that determine it, rad
+        found = {}
+        for name in geometry.list_joint_angles(calibration.model):
+            sd = tracked.uncertainty.sd[:, tracked.motion.coordinates.index(name)]
+            known = sd[np.isfinite(sd) & (sd > 0.0)]
+            if len(known):
+                found[name] = float(np.sqrt(np.mean(known**2)))
+        angle_sds[trial.name] = found
         deviations[trial.name] = tracked.uncertainty.sd
-    return Scaling(
+    return result.Scaling(
         calibration=calibration,
         motions=motions,
         errors={name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
-        geometry=measure_geometry(calibration),
+        geometry=geometry.measure_geometry(calibration),
         angle_sds=angle_sds,
         deviations=deviations,
         inverse_kinematics_s=time.perf_counter() - clock,
     )
 
 
-def _average_frames(model: BodyModel, tracked: TrackedTrial) -> dict[str, float]:
-    """Joint angle to its root mean square deviation over the frames that determine it, rad."""
-    found = {}
-    for name in list_joint_angles(model):
-        sd = tracked.uncertainty.sd[:, tracked.motion.coordinates.index(name)]
-        known = sd[np.isfinite(sd) & (sd > 0.0)]
-        if len(known):
-            found[name] = float(np.sqrt(np.mean(known**2)))
-    return found
-
-
-def with_mass(calibration: Calibration, session: Session) -> Calibration:
+def with_mass(calibration: Calibration, session: subjects.Session) -> Calibration:
     """The calibration with the person's mass on its model; unchanged where that is not known.
 
     An OpenSim model is the whole body, so its segments together take the person's mass, as OpenSim's
     scale tool has it (and its set-up's mass, where the subject file gives none). A built-in model may be a
     part of a body: it takes the same share of the person's mass as of its generic person's.
     """
-    total = _find_total_mass(calibration.model, session)
+    subject, own = session.subject, sum(segment.mass for segment in calibration.model.segments)
+    if own <= 0.0:
+        total = None
+    elif subject.mass_kg is None:
+        total = None if session.scale_setup is None else session.scale_setup.mass_kg
+    elif subject.model in builtin.BUILTIN_NAMES:
+        total = subject.mass_kg * own / builtin.load_generic_person(subject.model).mass_kg
+    else:
+        total = subject.mass_kg
     if total is None:
         return calibration
     return replace(calibration, model=scale_model(calibration.model, {}, mass_kg=total))
 
 
-def _find_total_mass(model: BodyModel, session: Session) -> float | None:
-    subject, own = session.subject, sum(segment.mass for segment in model.segments)
-    if own <= 0.0:
-        return None
-    if subject.mass_kg is None:
-        return None if session.scale_setup is None else session.scale_setup.mass_kg
-    if subject.model in BUILTIN_NAMES:
-        return subject.mass_kg * own / load_generic_person(subject.model).mass_kg
-    return subject.mass_kg
-
-
 def run_demo(
-    settings: Settings = Settings(), *, progress: Progress | None = None
-) -> tuple[Results, TruthDocument]:
+    settings: Settings = Settings(), *, progress: progressing.Progress | None = None
+) -> tuple[result.Results, TruthDocument]:
     """Scale a virtual person, bones imaged, by every method, and measure each against the truth.
 
     ``settings``: its seed decides the person.
     Distances from the truth are taken on the gait trials, which no method was fitted to.
     """
-    report, steps = progress or show_nothing, count()
+    report, steps = progress or progressing.show_nothing, count()
     session, person = make_demo_session(
         settings.seed,
         images=True,
         progress=lambda what: report(what, _BONES * min(1.0, next(steps) / _STEPS)),
     )
-    results = run(Loaded(session=session), None, settings, progress=report_part(report, _BONES, 1 - _BONES))
+    results = run(
+        Loaded(session=session),
+        None,
+        settings,
+        progress=progressing.report_part(report, _BONES, 1 - _BONES),
+    )
     lengths = {name: round(1e3 * value, 4) for name, value in measure_segment_lengths(person.model).items()}
-    errors = {method: _list_errors(scaling, results, person) for method, scaling in results.scalings.items()}
+    errors = {}
+    for method, scaling in results.scalings.items():
+        model = scaling.calibration.model
+        held_out = [scaling.motions[trial.name] for trial in results.session.evaluation]
+        off = geometry.compute_length_errors(model, person.model).values()
+        found = {"lengths_mm": 1e3 * sum(map(abs, off)) / len(off)}
+        for name, gap in geometry.compute_centre_errors(
+            model, held_out, person.model, person.motions
+        ).items():
+            found[f"{name}_centre_mm"] = 1e3 * gap
+        for name, gap in geometry.compute_angle_errors(held_out, person.model, person.motions).items():
+            found[f"{name}_deg"] = math.degrees(gap)
+        errors[method] = {name: round(value, 4) for name, value in found.items()}
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)
-
-
-def _list_errors(scaling: Scaling, results: Results, person: VirtualSubject) -> dict[str, float]:
-    model = scaling.calibration.model
-    held_out = [scaling.motions[trial.name] for trial in results.session.evaluation]
-    lengths = compute_length_errors(model, person.model).values()
-    found = {"lengths_mm": 1e3 * sum(map(abs, lengths)) / len(lengths)}
-    for name, gap in compute_centre_errors(model, held_out, person.model, person.motions).items():
-        found[f"{name}_centre_mm"] = 1e3 * gap
-    for name, gap in compute_angle_errors(held_out, person.model, person.motions).items():
-        found[f"{name}_deg"] = math.degrees(gap)
-    return {name: round(value, 4) for name, value in found.items()}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections import abc
 from pathlib import Path
 
 import numpy as np
@@ -18,70 +18,50 @@ from trimesh.exchange.gltf import export_glb
 from trimesh.exchange.stl import export_stl
 from trimesh.visual import ColorVisuals
 
+from scaling_service.capabilities.motion import saving
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.saving import HELD, write_motion, write_motion_sd
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.playback.scene import INSIDE
-from scaling_service.capabilities.scaling.clinical_gait import (
-    ClinicalGait,
-    list_gait_angles,
-    make_clinical_document,
-    write_clinical,
-)
-from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors
+from scaling_service.capabilities.scaling import clinical_gait, result
+from scaling_service.capabilities.scaling.comparison import evidence
 from scaling_service.capabilities.scaling.exporting import export_models
-from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
+from scaling_service.capabilities.scaling.muscles import compare
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.scaling.words import summarise
-from scaling_service.capabilities.subject.provenance import read_stated_sizes, record_provenance
-from scaling_service.core.errors import DependencyMissing, ModelRefused
+from scaling_service.capabilities.subject import provenance
+from scaling_service.core import errors
 from scaling_service.core.progress import Progress, show_nothing
-from scaling_service.documents.results import (
-    ComparisonDocument,
-    FittedParameter,
-    JointCentre,
-    KneeAxis,
-    LengthEstimate,
-    MethodResult,
-    Provenance,
-    ScalingDocument,
-    SegmentSource,
-    TrialError,
-    TruthDocument,
-    VerdictDocument,
-    WallTime,
-)
-from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_nothing, write_json
+from scaling_service.documents import results as documents
+from scaling_service.documents import writing
 from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
 from scaling_service.model.freed import MARKERS_HELD
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
-from scaling_service.report.onefile import Report, collect_files
+from scaling_service.report import onefile
 
 _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
-    f"{HELD} hold it at its neutral value for them"
+    f"{saving.HELD} hold it at its neutral value for them"
 )
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
-_BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
+_BONES: abc.Mapping[str, documents.SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
 
 
 def save(
-    results: Results,
+    results: result.Results,
     folder: str | Path,
     *,
     comparison: bool = True,
     report: bool = True,
-    truth: TruthDocument | None = None,
+    truth: documents.TruthDocument | None = None,
     progress: Progress | None = None,
-) -> ComparisonDocument:
+) -> documents.ComparisonDocument:
     """Write results into a folder.
 
     Every method gets a folder of its name with ``model.osim``, ``model.json``, ``<trial>_ik.mot``,
@@ -122,61 +102,63 @@ def save(
     ['MB']
     """
     tell, gait, verdict = progress or show_nothing, results.gait, results.verdict
-    with all_or_nothing(Path(folder)) as scratch:
-        methods: dict[str, MethodResult] = {}
+    with writing.all_or_nothing(Path(folder)) as scratch:
+        methods: dict[str, documents.MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
             methods[method] = _write_method(scratch / method, scaling, gait[method], results)
         document = make_comparison_document(results, methods, truth, verdict)
         for method, own in make_scaling_documents(document).items():
-            write_json(scratch / method / "scaling.json", own)
+            writing.write_json(scratch / method / "scaling.json", own)
         if comparison:
-            write_json(scratch / "comparison.json", document)
+            writing.write_json(scratch / "comparison.json", document)
         if comparison and report:
             tell("writing the report", 1.0)
-            (scratch / REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
+            (scratch / writing.REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
     return document
 
 
-def make_report(results: Results, document: ComparisonDocument) -> Report:
+def make_report(results: result.Results, document: documents.ComparisonDocument) -> onefile.Report:
     """``report.html``: the comparison's views with the models in all recordings."""
-    files = collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
-    return Report(
+    files = onefile.collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
+    return onefile.Report(
         kind="scaling",
         name="comparison.json",
         summary=summarise(document),
         document=document,
         files=files,
         beside=[f"{name}/{file}" for name, method in document.methods.items() for file in method.files],
-        vocabulary={"gait_angles": [word.model_dump() for word in list_gait_angles()]},
+        vocabulary={"gait_angles": [word.model_dump() for word in clinical_gait.list_gait_angles()]},
     )
 
 
-def _write_method(folder: Path, scaling: Scaling, gait: ClinicalGait, results: Results) -> MethodResult:
+def _write_method(
+    folder: Path, scaling: result.Scaling, gait: clinical_gait.ClinicalGait, results: result.Results
+) -> documents.MethodResult:
     """The method's files but for ``scaling.json``, and what that will say of it."""
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
     content = json.dumps(to_document(calibration.model), indent=1, allow_nan=False)
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     for name, motion in scaling.motions.items():
-        write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
+        saving.write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
     for name, tracked in scaling.followed.items():
-        write_motion(folder / f"{name}_ik.mot", tracked.motion, calibration.model)
-        write_motion_sd(
+        saving.write_motion(folder / f"{name}_ik.mot", tracked.motion, calibration.model)
+        saving.write_motion_sd(
             folder / f"{name}_ik_sd.mot", tracked.motion, tracked.uncertainty.sd, calibration.model
         )
-    if any(folder.glob(f"*{HELD}")):
+    if any(folder.glob(f"*{saving.HELD}")):
         warnings.append(_NUMBERS_ONLY)
-    write_clinical(folder, gait)
+    clinical_gait.write_clinical(folder, gait)
     if results.muscles is not None:
-        write_courses(folder, results.muscles.courses[calibration.method])
+        compare.write_courses(folder, results.muscles.courses[calibration.method])
     text = None
     try:
         text = scaling.osim or render_scaled(calibration, results.session)
         replace_text(folder / "model.osim", text)
         if calibration.model.posterior is not None:
             warnings.append(MARKERS_HELD)
-    except (DependencyMissing, ModelRefused) as error:
+    except (errors.DependencyMissing, errors.ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:
         write_attachments(folder / "attachments.csv", scaling.attachments)
@@ -188,65 +170,81 @@ def _write_method(folder: Path, scaling: Scaling, gait: ClinicalGait, results: R
     return make_method_document(scaling, results, gait, files, warnings)
 
 
-def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
+def write_bones(folder: Path, calibration: Calibration, bones: abc.Mapping[str, Bone]) -> list[str]:
     """Write a method's bones beside its model; returns their files' names, none where there are no bones."""
     local = place_bones(calibration, bones)
     if not local:
         return []
-    (folder / BONES).mkdir()
+    (folder / writing.BONES).mkdir()
     frames, scene = pose_neutral_frames(calibration.model), trimesh.Scene()
     for name, bone in local.items():
         mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
         mesh.merge_vertices()  # one corner where several fall together, as smooth shading asks
         mesh.visual = ColorVisuals(mesh, face_colors=COLOUR)
-        (folder / BONES / f"{name}.stl").write_bytes(export_stl(mesh))
+        (folder / writing.BONES / f"{name}.stl").write_bytes(export_stl(mesh))
         transform = np.eye(4)
         transform[:3, :3], transform[:3, 3] = frames[name]
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=transform)
-    (folder / SKELETON).write_bytes(export_glb(scene))  # type: ignore[no-untyped-call]
-    return [*(f"{BONES}/{name}.stl" for name in local), SKELETON]
+    (folder / writing.SKELETON).write_bytes(export_glb(scene))  # type: ignore[no-untyped-call]
+    return [*(f"{writing.BONES}/{name}.stl" for name in local), writing.SKELETON]
 
 
 def make_comparison_document(
-    results: Results, methods: dict[str, MethodResult], truth: TruthDocument | None, verdict: Verdict
-) -> ComparisonDocument:
+    results: result.Results,
+    methods: dict[str, documents.MethodResult],
+    truth: documents.TruthDocument | None,
+    verdict: evidence.Verdict,
+) -> documents.ComparisonDocument:
     """``comparison.json``."""
     session, settings = results.session, results.settings
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
     chosen = {"comparison": results.options.resolved()} if results.options != ComparisonOptions() else {}
-    return ComparisonDocument(
-        **record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
-        sizes=read_stated_sizes(session.subject),
-        verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
+    return documents.ComparisonDocument(
+        **provenance.record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
+        sizes=provenance.read_stated_sizes(session.subject),
+        verdict=documents.VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),
         truth=truth,
-        muscles=None if results.muscles is None else make_muscle_document(results.muscles),
+        muscles=None if results.muscles is None else compare.make_muscle_document(results.muscles),
     )
 
 
-def make_scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDocument]:
+def make_scaling_documents(document: documents.ComparisonDocument) -> dict[str, documents.ScalingDocument]:
     """``scaling.json`` of each method; the warnings of the whole session stand before the method's own."""
-    shared = {name: getattr(document, name) for name in Provenance.model_fields}
+    shared = {name: getattr(document, name) for name in documents.Provenance.model_fields}
     return {
-        name: ScalingDocument(**shared, **dict(method) | {"warnings": [*document.warnings, *method.warnings]})
+        name: documents.ScalingDocument(
+            **shared, **dict(method) | {"warnings": [*document.warnings, *method.warnings]}
+        )
         for name, method in document.methods.items()
     }
 
 
 def make_method_document(
-    scaling: Scaling,
-    results: Results,
-    gait: ClinicalGait,
-    files: Sequence[str] = (),
-    warnings: Sequence[str] = (),
-) -> MethodResult:
+    scaling: result.Scaling,
+    results: result.Results,
+    gait: clinical_gait.ClinicalGait,
+    files: abc.Sequence[str] = (),
+    warnings: abc.Sequence[str] = (),
+) -> documents.MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
-    fitted = average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
-    held_out = average_errors(scaling.errors, results.held_out)
-    return MethodResult(
+    fitted = evidence.average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
+    held_out = evidence.average_errors(scaling.errors, results.held_out)
+    # What sized each segment; the size of one that nothing was measured of is that of persons alike.
+    lengths = {p.target for p in calibration.parameters if p.group == "length"}
+    found: dict[str, documents.SegmentSource] = {}
+    for name in calibration.model.segment_names:
+        size = calibration.sizes.get(name)
+        if name in calibration.bone_sized:
+            found[name] = _BONES[calibration.bone_sized[name]]
+        elif name in lengths:
+            found[name] = "movement"
+        else:
+            found[name] = "markers" if size is None or size.own else "persons alike"
+    return documents.MethodResult(
         method=calibration.method,
         kinematic_error_mm={
             name: _make_error(error, held_out=name in results.held_out)
@@ -259,9 +257,9 @@ def make_method_document(
         else round(held_out.mean / fitted.mean, 4),
         segment_lengths_mm={name: _to_mm(length) for name, length in shape.lengths.items()},
         length_estimates=_list_length_estimates(calibration, shape.lengths),
-        segment_sources=_list_segment_sources(calibration),
+        segment_sources=found,
         joint_centres_mm={
-            name: JointCentre(
+            name: documents.JointCentre(
                 frame=frame,
                 xyz=_to_mm3(at),
                 sd_mm=_to_mm3(calibration.centres[name].sd) if name in calibration.centres else None,
@@ -269,13 +267,13 @@ def make_method_document(
             for name, (frame, at) in shape.joint_centres.items()
         },
         knee_axis_deg={
-            side: KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
+            side: documents.KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
             for side, (x, y) in shape.knee_axes.items()
         },
         marker_shift_mm={name: _to_mm(shift) for name, shift in shape.marker_shifts.items()},
         scale_factors=dict(calibration.scale_factors),
         parameters=[
-            FittedParameter(
+            documents.FittedParameter(
                 name=p.name,
                 value=p.value,
                 unit=p.unit,
@@ -287,39 +285,24 @@ def make_method_document(
         ],
         cumulative_error_mm2=None if math.isnan(calibration.cost) else round(calibration.cost * 1e6, 2),
         iterations=calibration.iterations,
-        wall_s=WallTime(
+        wall_s=documents.WallTime(
             calibration=round(calibration.wall_s, 4),
             inverse_kinematics=round(scaling.inverse_kinematics_s, 4),
         ),
-        clinical=make_clinical_document(gait),
+        clinical=clinical_gait.make_clinical_document(gait),
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
 
 
-def _list_segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
-    """What sized each segment; the size of one that nothing was measured of is that of persons alike."""
-    fitted = {p.target for p in calibration.parameters if p.group == "length"}
-    found: dict[str, SegmentSource] = {}
-    for name in calibration.model.segment_names:
-        size = calibration.sizes.get(name)
-        if name in calibration.bone_sized:
-            found[name] = _BONES[calibration.bone_sized[name]]
-        elif name in fitted:
-            found[name] = "movement"
-        else:
-            found[name] = "markers" if size is None or size.own else "persons alike"
-    return found
-
-
 def _list_length_estimates(
-    calibration: Calibration, lengths: Mapping[str, float]
-) -> dict[str, LengthEstimate]:
+    calibration: Calibration, lengths: abc.Mapping[str, float]
+) -> dict[str, documents.LengthEstimate]:
     """By name of the length; a planar model's has no side and is estimated as the right one."""
     sizes = {size.dimension: size for size in calibration.sizes.values()}
     found = {name: sizes.get(name) or sizes.get(f"{name}_r") for name in lengths}
     return {
-        name: LengthEstimate(
+        name: documents.LengthEstimate(
             sd_mm=_to_mm(size.sd * lengths[name]),
             measured=round(size.measured, 4),
             others=round(size.others, 4),
@@ -330,9 +313,9 @@ def _list_length_estimates(
     }
 
 
-def _make_error(error: KinematicError, *, held_out: bool) -> TrialError:
+def _make_error(error: KinematicError, *, held_out: bool) -> documents.TrialError:
     anatomical, tracking = error.anatomical_mean, error.tracking_mean
-    return TrialError(
+    return documents.TrialError(
         role="evaluation" if held_out else "calibration",
         mean=_to_mm(error.mean),
         sd=_to_mm(error.sd),

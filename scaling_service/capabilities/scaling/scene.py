@@ -6,19 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.playback.document import CycleScene, GaitScene, SceneDocument, TestEntry
-from scaling_service.capabilities.playback.drawing import coarsen, place_bones
-from scaling_service.capabilities.playback.scene import (
-    WHOLE,
-    Body,
-    Detail,
-    Played,
-    Recorded,
-    write_scene,
-)
-from scaling_service.capabilities.scaling.comparison.curves import describe_test, make_gait_curves
+from scaling_service.capabilities.playback import document, drawing, scene
+from scaling_service.capabilities.scaling import result
+from scaling_service.capabilities.scaling.comparison import curves
 from scaling_service.capabilities.scaling.muscles.playing import write_muscle_scene
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
@@ -27,45 +18,72 @@ from scaling_service.model.trial import Trial
 from scaling_service.recording.plates import compute_ground_forces, orient_forces
 
 
-def write_results_scene(results: Results, outputs: Path, detail: Detail = WHOLE) -> SceneDocument:
+def write_results_scene(
+    results: result.Results, outputs: Path, detail: scene.Detail = scene.WHOLE
+) -> document.SceneDocument:
     """Write the models of all methods in all recordings into the folder of a job's files."""
     session = results.session
     images = {} if session.images is None else session.images.bones
-    coarse = {segment: coarsen(bone, detail.most_faces) for segment, bone in images.items()}
+    coarse = {segment: drawing.coarsen(bone, detail.most_faces) for segment, bone in images.items()}
     bodies = [
-        Body(name, scaling.calibration.model, place_bones(scaling.calibration, coarse))
+        scene.Body(name, scaling.calibration.model, drawing.place_bones(scaling.calibration, coarse))
         for name, scaling in results.scalings.items()
     ]
     if results.muscles is not None:
         write_muscle_scene(results.muscles, outputs, brief=detail.most_frames is not None)
-    recorded = [_record(results, trial) for trial in session.dynamic]
-    return write_scene(session.subject.id, bodies, recorded, _make_gait(results), outputs, detail.most_frames)
-
-
-def _play_recording(name: str, scaling: Scaling, trial: Trial) -> Played:
-    motion, model = scaling.motions[trial.name], scaling.calibration.model
-    return Played(
-        body=name,
-        model=model,
-        q=motion.q,
-        markers=motion.markers,
-        distances=motion.distances,
-        estimated=frozenset(motion.estimated),
+    recorded = []
+    for trial in session.dynamic:
+        forces, corners = _prepare_ground(results, trial)
+        played = []
+        for name, scaling in results.scalings.items():
+            motion, model = scaling.motions[trial.name], scaling.calibration.model
+            played.append(
+                scene.Played(
+                    body=name,
+                    model=model,
+                    q=motion.q,
+                    markers=motion.markers,
+                    distances=motion.distances,
+                    estimated=frozenset(motion.estimated),
+                )
+            )
+        recorded.append(
+            scene.Recorded(
+                trial=trial,
+                role="evaluation" if trial.name in results.held_out else "calibration",
+                played=tuple(played),
+                forces=forces,
+                corners=corners,
+            )
+        )
+    reference = next(iter(results.scalings))
+    found = curves.make_gait_curves(results, reference)
+    return scene.write_scene(
+        session.subject.id,
+        bodies,
+        recorded,
+        document.GaitScene(
+            trials=list(found.trials),
+            held_out=found.held_out,
+            reason=found.reason,
+            reference=reference,
+            angles={
+                curve.name: document.CycleScene(
+                    **curve.describe(3),
+                    pairs={
+                        name: document.TestEntry(**curves.describe_test(pair))
+                        for name, pair in curve.pairs.items()
+                    },
+                )
+                for curve in found.curves
+            },
+        ),
+        outputs,
+        detail.most_frames,
     )
 
 
-def _record(results: Results, trial: Trial) -> Recorded:
-    forces, corners = _prepare_ground(results, trial)
-    return Recorded(
-        trial=trial,
-        role="evaluation" if trial.name in results.held_out else "calibration",
-        played=tuple(_play_recording(name, scaling, trial) for name, scaling in results.scalings.items()),
-        forces=forces,
-        corners=corners,
-    )
-
-
-def _prepare_ground(results: Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:
+def _prepare_ground(results: result.Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:
     """Forces and corners of plates in our axes; none where they cannot be used, as the file check tells."""
     subject, axes = results.session.subject, results.loaded.orientation
     paths = {path.stem: path for path in (*subject.calibration, *subject.evaluation)}
@@ -82,21 +100,3 @@ def _prepare_ground(results: Results, trial: Trial) -> tuple[GroundForces | None
         return orient_forces(axes, compute_ground_forces(plates)), corners
     except InputError:
         return None, None
-
-
-def _make_gait(results: Results) -> GaitScene:
-    reference = next(iter(results.scalings))
-    found = make_gait_curves(results, reference)
-    return GaitScene(
-        trials=list(found.trials),
-        held_out=found.held_out,
-        reason=found.reason,
-        reference=reference,
-        angles={
-            curve.name: CycleScene(
-                **curve.describe(3),
-                pairs={name: TestEntry(**describe_test(pair)) for name, pair in curve.pairs.items()},
-            )
-            for curve in found.curves
-        },
-    )

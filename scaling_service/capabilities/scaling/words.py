@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 
-from scaling_service.documents.results import (
-    ComparisonDocument,
-    MethodResult,
-    TrialError,
-    TruthDocument,
-    VerdictDocument,
-)
+from scaling_service.documents import results
+from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Cell, Row, Table
-from scaling_service.report.words import format_signed, number, spell_name, unite_keys
 
-Methods = Mapping[str, MethodResult]
+Methods = abc.Mapping[str, results.MethodResult]
 
 
-def summarise(document: ComparisonDocument) -> Summary:
+def summarise(document: results.ComparisonDocument) -> Summary:
     """Which method to use for this person, why, how far to trust it, and all that the terminal shows."""
     verdict = document.verdict
     muscles = [] if document.muscles is None else document.muscles.summary
@@ -34,20 +27,22 @@ def summarise(document: ComparisonDocument) -> Summary:
     )
 
 
-def tabulate_trust(verdict: VerdictDocument) -> Table:
+def tabulate_trust(verdict: results.VerdictDocument) -> tables.Table:
     """How far to trust the method that the verdict names."""
-    return Table(
+    return tables.Table(
         caption=f"How far to trust {verdict.method}",
         columns=["", "trust", "because"],
         rows=[
-            Row(t.topic, [Cell("not known" if t.level == "unknown" else t.level, tone=t.level), t.text])
+            tables.Row(
+                t.topic, [tables.Cell("not known" if t.level == "unknown" else t.level, tone=t.level), t.text]
+            )
             for t in verdict.trust
         ],
         words=True,
     )
 
 
-def make_comparison_tables(document: ComparisonDocument) -> Iterator[Table]:
+def make_comparison_tables(document: results.ComparisonDocument) -> abc.Iterator[tables.Table]:
     """All that the terminal shows."""
     methods, truth = document.methods, document.truth
     yield tabulate_errors(methods)
@@ -60,37 +55,47 @@ def make_comparison_tables(document: ComparisonDocument) -> Iterator[Table]:
         yield tabulate_truth(truth)
 
 
-def tabulate_errors(methods: Methods) -> Table:
+def tabulate_errors(methods: Methods) -> tables.Table:
     """Kinematic errors of all trials, and their means."""
     of = methods.values()
+    served = {"evaluation": "held out", "calibration": "used to fit"}
+    roles = {trial: served[e.role] for m in of for trial, e in m.kinematic_error_mm.items()}
     rows = [
-        Row(f"{trial} ({role})", [_format_error(m.kinematic_error_mm.get(trial)) for m in of])
-        for trial, role in _list_roles(methods).items()
+        tables.Row(f"{trial} ({role})", [_format_error(m.kinematic_error_mm.get(trial)) for m in of])
+        for trial, role in sorted(roles.items(), key=lambda item: item[1])  # held-out ones first
     ]
     errors = [list(m.kinematic_error_mm.values()) for m in of]
     if any(e.tracking_mean is not None for own in errors for e in own):
         rows.append(
-            Row("all, on bony landmarks", [_format_mean([e.anatomical_mean for e in own]) for own in errors])
+            tables.Row(
+                "all, on bony landmarks", [_format_mean([e.anatomical_mean for e in own]) for own in errors]
+            )
         )
         rows.append(
-            Row("all, tracking markers", [_format_mean([e.tracking_mean for e in own]) for own in errors])
+            tables.Row(
+                "all, tracking markers", [_format_mean([e.tracking_mean for e in own]) for own in errors]
+            )
         )
     rows += [
-        Row("mean, used to fit", [_format_or_none(m.fitted_mean_mm) for m in of]),
-        Row("mean, held out", [_format_or_none(m.held_out_mean_mm) for m in of]),
-        Row("held out over fitted", [number(m.held_out_ratio, 2) for m in of]),
+        tables.Row("mean, used to fit", [_format_or_none(m.fitted_mean_mm) for m in of]),
+        tables.Row("mean, held out", [_format_or_none(m.held_out_mean_mm) for m in of]),
+        tables.Row("held out over fitted", [words.number(m.held_out_ratio, 2) for m in of]),
     ]
     return _make_table(
         "Kinematic error, mm", methods, rows, "Mean ± SD over frames, in brackets the largest."
     )
 
 
-def tabulate_lengths(methods: Methods, reference: Mapping[str, float], title: str) -> Table:
+def tabulate_lengths(methods: Methods, reference: abc.Mapping[str, float], title: str) -> tables.Table:
     """Segment lengths with their deviations, and how far they are from a reference, named by ``title``."""
     rows = []
-    for name in unite_keys(m.segment_lengths_mm for m in methods.values()):
+    for name in words.unite_keys(m.segment_lengths_mm for m in methods.values()):
         cells = [_format_length(m, name, reference.get(name)) for m in methods.values()]
-        rows.append(Row(spell_name(name), [*cells, *([number(reference.get(name))] if reference else [])]))
+        rows.append(
+            tables.Row(
+                words.spell_name(name), [*cells, *([words.number(reference.get(name))] if reference else [])]
+            )
+        )
     note = "Between joint centres. ± is one standard deviation, from the errors of markers and sizes."
     note += f" In brackets: the difference from the {title}." if reference else ""
     if reference and title == "image":
@@ -99,14 +104,18 @@ def tabulate_lengths(methods: Methods, reference: Mapping[str, float], title: st
     return _make_table("Segment lengths, mm", methods, rows, note, more)
 
 
-def tabulate_axes(methods: Methods) -> Table:
+def tabulate_axes(methods: Methods) -> tables.Table:
     """Turns of the knees' axes."""
     rows = []
-    for side in unite_keys(m.knee_axis_deg for m in methods.values()):
+    for side in words.unite_keys(m.knee_axis_deg for m in methods.values()):
         axes = [m.knee_axis_deg.get(side) for m in methods.values()]
         name = {"r": "right", "l": "left"}.get(side, side)
-        rows.append(Row(f"{name}, about x", [format_signed(None if a is None else a.x) for a in axes]))
-        rows.append(Row(f"{name}, about y", [format_signed(None if a is None else a.y) for a in axes]))
+        rows.append(
+            tables.Row(f"{name}, about x", [words.format_signed(None if a is None else a.x) for a in axes])
+        )
+        rows.append(
+            tables.Row(f"{name}, about y", [words.format_signed(None if a is None else a.y) for a in axes])
+        )
     return _make_table(
         "Knee axes, degrees",
         methods,
@@ -116,14 +125,16 @@ def tabulate_axes(methods: Methods) -> Table:
     )
 
 
-def tabulate_fitted(methods: Methods) -> Table:
+def tabulate_fitted(methods: Methods) -> tables.Table:
     """How many numbers were fitted, how many of them mean little, and how far markers moved."""
     fitted = [m.parameters for m in methods.values()]
     rows = [
-        Row("in all", [str(len(own)) for own in fitted]),
-        Row("not determined", [str(sum(not p.identifiable for p in own)) for own in fitted]),
-        Row("at a bound", [str(sum(p.at_bound for p in own)) for own in fitted]),
-        Row("mean marker shift, mm", [_format_mean([*m.marker_shift_mm.values()]) for m in methods.values()]),
+        tables.Row("in all", [str(len(own)) for own in fitted]),
+        tables.Row("not determined", [str(sum(not p.identifiable for p in own)) for own in fitted]),
+        tables.Row("at a bound", [str(sum(p.at_bound for p in own)) for own in fitted]),
+        tables.Row(
+            "mean marker shift, mm", [_format_mean([*m.marker_shift_mm.values()]) for m in methods.values()]
+        ),
     ]
     return _make_table(
         "Fitted numbers",
@@ -134,14 +145,14 @@ def tabulate_fitted(methods: Methods) -> Table:
     )
 
 
-def tabulate_truth(truth: TruthDocument) -> Table:
+def tabulate_truth(truth: results.TruthDocument) -> tables.Table:
     """Of a virtual person: each method's distance from what is known."""
     rows = [
-        Row(
+        tables.Row(
             f"{name_measure(name)}, {name.rpartition('_')[2]}",
-            [number(errors.get(name)) for errors in truth.errors.values()],
+            [words.number(errors.get(name)) for errors in truth.errors.values()],
         )
-        for name in unite_keys(truth.errors.values())
+        for name in words.unite_keys(truth.errors.values())
     ]
     note = "This person is virtual. On held-out trials."
     return _make_table("Distance from the truth", truth.errors, rows, note)
@@ -153,34 +164,31 @@ def name_measure(name: str) -> str:
 
 
 def _make_table(
-    caption: str, methods: Mapping[str, object], rows: Sequence[Row], note: str = "", more: Sequence[str] = ()
-) -> Table:
-    return Table(caption=caption, columns=["", *methods, *more], rows=rows, note=note)
+    caption: str,
+    methods: abc.Mapping[str, object],
+    rows: abc.Sequence[tables.Row],
+    note: str = "",
+    more: abc.Sequence[str] = (),
+) -> tables.Table:
+    return tables.Table(caption=caption, columns=["", *methods, *more], rows=rows, note=note)
 
 
-def _list_roles(methods: Methods) -> dict[str, str]:
-    """Trial to what it served for, held-out ones first."""
-    words_of = {"evaluation": "held out", "calibration": "used to fit"}
-    found = {t: words_of[e.role] for m in methods.values() for t, e in m.kinematic_error_mm.items()}
-    return dict(sorted(found.items(), key=lambda item: item[1]))
-
-
-def _format_error(error: TrialError | None) -> str:
+def _format_error(error: results.TrialError | None) -> str:
     return "–" if error is None else f"{error.mean:.1f} ± {error.sd:.1f} ({error.max:.0f})"
 
 
-def _format_length(method: MethodResult, name: str, against: float | None) -> str:
+def _format_length(method: results.MethodResult, name: str, against: float | None) -> str:
     value, estimate = method.segment_lengths_mm.get(name), method.length_estimates.get(name)
-    text = number(value) + (f" ± {number(estimate.sd_mm)}" if estimate is not None else "")
+    text = words.number(value) + (f" ± {words.number(estimate.sd_mm)}" if estimate is not None else "")
     if value is None or against is None:
         return text
-    return f"{text} ({format_signed(value - against)})"
+    return f"{text} ({words.format_signed(value - against)})"
 
 
-def _format_mean(values: Sequence[float | None]) -> str:
+def _format_mean(values: abc.Sequence[float | None]) -> str:
     known = [value for value in values if value is not None]
-    return number(sum(known) / len(known) if known else None)
+    return words.number(sum(known) / len(known) if known else None)
 
 
 def _format_or_none(value: float | None) -> str:
-    return "none" if value is None else number(value)
+    return "none" if value is None else words.number(value)

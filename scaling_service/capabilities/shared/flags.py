@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
@@ -24,7 +24,7 @@ SubjectFile = Annotated[
 ]
 
 
-def make_folder_parser(option: str) -> Callable[[str], Path]:
+def make_folder_parser(option: str) -> abc.Callable[[str], Path]:
     """The parser of an option that names a folder; an empty text, as of an unset shell variable, is none."""
 
     def parse(text: str) -> Path:
@@ -116,7 +116,7 @@ class _Field:
         )
 
 
-def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
+def with_flags(function: abc.Callable[..., Any]) -> abc.Callable[..., Any]:
     """The function as a command: it is called with models made of the flags that were given.
 
     A parameter's default, where its annotation is an options model, holds the defaults of its flags. The
@@ -147,10 +147,10 @@ def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def make_pairs_reader(field: str) -> Callable[[list[str]], Mapping[str, str]]:
+def make_pairs_reader(field: str) -> abc.Callable[[list[str]], abc.Mapping[str, str]]:
     """The reader of a flag that takes ``NAME=VALUE`` and may be given again."""
 
-    def read(given: list[str]) -> Mapping[str, str]:
+    def read(given: list[str]) -> abc.Mapping[str, str]:
         found: dict[str, str] = {}
         for text in given:
             name, sign, value = (part.strip() for part in text.partition("="))
@@ -179,7 +179,7 @@ def _find_options(annotation: Any) -> tuple[type[options.Options] | None, Only |
     return None, None
 
 
-def _list_flagged(model: type[options.Options], above: tuple[str, ...] = ()) -> Iterator[_Field]:
+def _list_flagged(model: type[options.Options], above: tuple[str, ...] = ()) -> abc.Iterator[_Field]:
     for name, info in model.model_fields.items():
         flag = next((m for m in info.metadata if isinstance(m, options.Flag)), None)
         if flag is not None:

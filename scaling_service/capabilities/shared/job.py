@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import json
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, Field
+import pydantic
 
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier, SubjectDocument
 
-Documents = Mapping[str, Mapping[str, Any]]
+Documents = abc.Mapping[str, abc.Mapping[str, Any]]
 """Subject to its document, as JSON gave it."""
 
-Needed = Mapping[str, Mapping[str, str]]
+Needed = abc.Mapping[str, abc.Mapping[str, str]]
 """Subject to the files that a job reads: where the name stands (a field), and the name."""
 
-Work = Callable[[Any, Path, Path, Progress], Any]
+Work = abc.Callable[[Any, Path, Path, Progress], Any]
 """Request, folder of inputs, folder of outputs, progress -> the result, JSON-ready.
 
 The folder of inputs has one folder for each subject, with its document as ``subject.json`` and the
@@ -57,7 +57,7 @@ class JobRequest(Options):
 class OfOneSubject(JobRequest):
     """A request that concerns one subject."""
 
-    subject: Identifier = Field(description="Name of the subject, as uploaded.", examples=["S01"])
+    subject: Identifier = pydantic.Field(description="Name of the subject, as uploaded.", examples=["S01"])
 
     @property
     def subjects(self) -> tuple[str, ...]:
@@ -65,11 +65,21 @@ class OfOneSubject(JobRequest):
         return (self.subject,)
 
 
-class OfRecordings(OfOneSubject):
+class WithTables(JobRequest):
+    """A request whose result has tables."""
+
+    tables: tuple[Literal["csv", "parquet", "bids"], ...] = pydantic.Field(
+        default=(),
+        description="Tables of the results among the files, under tables/, with units and source: csv, "
+        "parquet, bids (motions under Motion-BIDS' names).",
+    )
+
+
+class OfRecordings(OfOneSubject, WithTables):
     """A request that rests on all files of a subject's document."""
 
-    settings: Settings = Field(
-        default=Settings(), description="How recordings are processed and models fitted."
+    settings: shared_settings.Settings = pydantic.Field(
+        default=shared_settings.Settings(), description="How recordings are processed and models fitted."
     )
 
     def list_needed(self, documents: Documents) -> Needed:
@@ -80,12 +90,12 @@ class OfRecordings(OfOneSubject):
 class OfForces(OfRecordings):
     """A request that rests on recordings with forces."""
 
-    subject: Identifier = Field(
+    subject: Identifier = pydantic.Field(
         description="Name of the subject, as uploaded: a model with feet, and recordings with forces.",
         examples=["S02"],
     )
-    settings: Settings = Field(
-        default=UNSMOOTHED, description="How recordings are processed and models fitted."
+    settings: shared_settings.Settings = pydantic.Field(
+        default=shared_settings.UNSMOOTHED, description="How recordings are processed and models fitted."
     )
 
 
@@ -94,7 +104,7 @@ class Parts:
     """How a job is made of others, which any runner computes at any time; its own work comes after them."""
 
     kind: str  # of the parts
-    requests: Callable[[Any], Sequence[JobRequest]]
+    requests: abc.Callable[[Any], abc.Sequence[JobRequest]]
     """From the request to those of the parts; each concerns subjects of the whole."""
     file: str
     """Name of the file of each part that the work needs: it lies where the part wrote it, but among the
@@ -109,13 +119,13 @@ class Kind:
     request: type[JobRequest]  # what is asked for; its fields are the body over HTTP
     work: Work  # can be named from another process; it runs there, and imports what computes there
     route: str | None  # where it is asked for over HTTP, below the version; None: it is a part of others only
-    result: type[BaseModel] | None = None  # what the result follows
+    result: type[pydantic.BaseModel] | None = None  # what the result follows
     parts: Parts | None = None
     """Where it is made of others. Its work then sees the subjects' documents, but not their files."""
     brief: bool = False
     """Whether it takes seconds while somebody waits: it starts although all workers compute."""
 
-    def perform(self, request: Mapping[str, Any], folder: Path, progress: Progress) -> Any:
+    def perform(self, request: abc.Mapping[str, Any], folder: Path, progress: Progress) -> Any:
         """Do the work in a folder with inputs and outputs; ``request``: as JSON gave it."""
         asked = self.request.model_validate_json(json.dumps(request))
         return self.work(asked, folder / "inputs", folder / "outputs", progress)

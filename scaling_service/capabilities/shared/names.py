@@ -6,7 +6,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from typing import Annotated
 
-from pydantic import AfterValidator, WithJsonSchema
+import pydantic
 
 from scaling_service.core.options import Flag
 
@@ -54,7 +54,7 @@ def check_methods(methods: list[str] | None) -> list[str] | None:
 
 def check_start(start: str | None) -> str | None:
     """Refuse a start that there is not (ValueError)."""
-    if start is not None and start not in STARTS:
+    if start is not None and start not in (*list_method_names(), AS_IT_IS):
         raise ValueError(
             f"there is no method '{start}'; methods are {', '.join(list_method_names())}, and '{AS_IT_IS}' "
             f"takes the model as it is"
@@ -72,17 +72,19 @@ def check_inertia(inertia: str | None) -> str | None:
     return inertia
 
 
-def _make_choice_schema(*names: str) -> WithJsonSchema:
-    return WithJsonSchema({"anyOf": [{"enum": list(names), "type": "string"}, {"type": "null"}]})
+def _make_choice_schema(*names: str) -> pydantic.WithJsonSchema:
+    return pydantic.WithJsonSchema({"anyOf": [{"enum": list(names), "type": "string"}, {"type": "null"}]})
 
 
-STARTS = (*list_method_names(), AS_IT_IS)
 Start = Annotated[
-    str | None, AfterValidator(check_start), Flag(metavar="|".join(STARTS)), _make_choice_schema(*STARTS)
+    str | None,
+    pydantic.AfterValidator(check_start),
+    Flag(metavar="|".join((*list_method_names(), AS_IT_IS))),
+    _make_choice_schema(*list_method_names(), AS_IT_IS),
 ]
 Inertia = Annotated[
     str | None,
-    AfterValidator(check_inertia),
+    pydantic.AfterValidator(check_inertia),
     Flag(metavar="|".join((*TABLE_NAMES, OWN))),
     _make_choice_schema(*TABLE_NAMES, OWN),
 ]

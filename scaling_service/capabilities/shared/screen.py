@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import abc
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +26,7 @@ _BLOCKS = 20  # of a bar (chosen: a twentieth is seen)
 
 
 @contextmanager
-def progress_bar() -> Iterator[Report]:
+def progress_bar() -> abc.Iterator[Report]:
     """A bar on a terminal's stderr that is gone when done; nothing elsewhere."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
@@ -40,7 +40,7 @@ def progress_bar() -> Iterator[Report]:
 
 
 @contextmanager
-def running(out: Path) -> Iterator[Report]:
+def running(out: Path) -> abc.Iterator[Report]:
     """What a command does that writes a folder: the folder can be made, then a bar until all is written."""
     from scaling_service.documents.writing import check_folder
 
@@ -72,7 +72,7 @@ def print_table(console: Console, table: Table) -> None:
         console.print(escape(table.note), highlight=False, style="dim", soft_wrap=True)
 
 
-def print_tables(console: Console, tables: Iterable[Table]) -> None:
+def print_tables(console: Console, tables: abc.Iterable[Table]) -> None:
     """Tables of a report that have the same columns as one, each under its caption; notes are left out."""
     from scaling_service.report.tables import Row, Table
 
@@ -89,7 +89,7 @@ def _format_cell(cell: str | Cell) -> str:
     return cell if isinstance(cell, str) else cell.text
 
 
-def list_files(console: Console, out: Path, lines: Iterable[str]) -> None:
+def list_files(console: Console, out: Path, lines: abc.Iterable[str]) -> None:
     """What was written, and where."""
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     for line in lines:
@@ -104,7 +104,7 @@ def print_subject(console: Console, document: Provenance, how: str = "") -> None
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
 
 
-def say(console: Console, word: str, style: str, lines: Iterable[str]) -> None:
+def say(console: Console, word: str, style: str, lines: abc.Iterable[str]) -> None:
     """Lines that begin with a word that says what they are."""
     for line in lines:
         console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
@@ -122,7 +122,7 @@ def draw_bar(share: float) -> str:
     return "█" * full + "░" * (_BLOCKS - full)
 
 
-def describe_understood(document: Provenance) -> Iterator[str]:
+def describe_understood(document: Provenance) -> abc.Iterator[str]:
     """How labels and axes were read: where it was wrong, everything after is."""
     taken = [
         f"{marker} = {' or '.join(labels)}"

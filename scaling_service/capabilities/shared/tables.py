@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import abc
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scaling_service.files.result_tables import check_forms, save_tables
+from scaling_service.files import result_tables
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -19,16 +19,19 @@ _SOURCE = {"code_version", "subject", "settings", "seed", "input_hashes"}
 """What a table says of where its numbers come from."""
 
 
-def make_table_writer(forms: str, out: Path) -> Callable[[Mapping[str, ResultTable], BaseModel], None]:
-    """What writes tables under a command's folder; their forms are checked now, before anything is computed.
+def make_table_writer(
+    forms: str | abc.Sequence[str], out: Path
+) -> abc.Callable[[abc.Mapping[str, ResultTable], BaseModel], None]:
+    """What writes tables under a folder of results; their forms are checked before anything is computed.
 
-    ``forms``: as typed. Raises InputError: one is unknown. Raises DependencyMissing: a library is absent.
+    ``forms``: as typed, or each by itself. Raises InputError: one is unknown.
+    Raises DependencyMissing: a library is absent.
     """
-    chosen = check_forms(forms)
+    chosen = result_tables.check_forms(forms if isinstance(forms, str) else ",".join(forms))
 
-    def write(tables: Mapping[str, ResultTable], document: BaseModel) -> None:
+    def write(tables: abc.Mapping[str, ResultTable], document: BaseModel) -> None:
         if chosen:
             about = document.model_dump(mode="json", include=_SOURCE)
-            save_tables(tables, out / FOLDER, chosen, about)
+            result_tables.save_tables(tables, out / FOLDER, chosen, about)
 
     return write

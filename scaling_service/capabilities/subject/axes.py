@@ -13,13 +13,13 @@ from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.recording import Recording
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
-from scaling_service.recording.orientation import Orientation, decide
+from scaling_service.recording import orientation
 
 
 def decide_axes(
@@ -31,7 +31,7 @@ def decide_axes(
     static: Path | None,
     facing: bool,
     vertical: int,
-) -> Orientation:
+) -> orientation.Orientation:
     """One decision for the session: up from its first recording, forward from how most movements face.
 
     A person may stand for the static trial in another direction than they walk; what matters for
@@ -42,12 +42,12 @@ def decide_axes(
     as in :func:`scaling_service.recording.orientation.decide`. ``vertical``: the axis along which the model
     stands.
     """
-    decided: dict[Path, Orientation] = {}
+    decided: dict[Path, orientation.Orientation] = {}
     for path, trial in trials.items():
         roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
         up = next(iter(decided.values())).up if decided else settings.up
         with blame_file(path, [path]):
-            decided[path] = decide(
+            decided[path] = orientation.decide(
                 trial,
                 roles=roles,
                 up=up,
@@ -71,11 +71,11 @@ def find_upright(model: BodyModel, trial: Trial, vertical: int = 1) -> Array | N
     if not own:
         return None
     root = next(s.name for s in model.segments if s.name in {m.segment for m in own})
-    neutral = np.ascontiguousarray(repeat_default_pose(model, 1).T)
+    neutral = np.ascontiguousarray(compiling.repeat_default_pose(model, 1).T)
     for names in ([m.name for m in own if m.segment == root], [m.name for m in own]):
-        tree = compile_model(model, names)
-        poses = pose_links(tree, neutral, list_parameter_values(model))
-        rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
+        tree = compiling.compile_model(model, names)
+        poses = trees.pose_links(tree, neutral, compiling.list_parameter_values(model))
+        rotation, _ = fit_rigid(trees.place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
         axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, vertical]
         if len(axes):
             return np.asarray(axes.mean(axis=0))
@@ -90,7 +90,9 @@ def list_level_corners(recording: Recording) -> Array | None:
     return np.array([plate.corners for plate in plates.plates])
 
 
-def agree_on_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
+def agree_on_axes(
+    decided: Mapping[Path, orientation.Orientation], static: Path | None
+) -> orientation.Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
     A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.

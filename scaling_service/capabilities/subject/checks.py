@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections import abc
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core.errors import MarkerMissing, SubjectInvalid, TrialUnusable
-from scaling_service.core.notes import LOOK, Note
+from scaling_service.core import errors, notes
 from scaling_service.core.text import list_few
+from scaling_service.model import body
+from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.faults import FAULTS
@@ -44,7 +43,7 @@ _TOLD = (
 )
 """Repairs that a person should know of without opening the results."""
 
-_REMEDIES: Mapping[str, str] = {
+_REMEDIES: abc.Mapping[str, str] = {
     "jitter": "Look at the marker in the recording; its gaps are filled as others are",
     "merged": "Correct the trajectories; until then both are filled there as other gaps are",
     "shaking": "Mount the cameras firmly and record again; a filter saves the angles only",
@@ -52,7 +51,7 @@ _REMEDIES: Mapping[str, str] = {
 _LOOK_THERE = "Look at these frames; correct the recording if they matter"
 _NOTHING = "Nothing is to be done"
 
-_STANDS_IN: Mapping[str, tuple[str, ...]] = {
+_STANDS_IN: abc.Mapping[str, tuple[str, ...]] = {
     "RPSIS": ("SACR", "LPSIS"),
     "LPSIS": ("SACR", "RPSIS"),
     **{
@@ -67,7 +66,7 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
-def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
+def refuse_repeated(trials: abc.Mapping[Path, Trial], subject: subjects.Subject) -> None:
     """One recording under two names would count twice, or pass for one that was never fitted.
 
     ``trials``: file to what it holds, in m. Raises SubjectInvalid: naming both files.
@@ -76,7 +75,7 @@ def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
     fields |= {path: f"trials.calibration.{k}" for k, path in enumerate(subject.calibration)}
     for first, second in combinations(trials, 2):
         if _is_same(trials[first], trials[second]):
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{second.name}' holds the same recording as '{first.name}'",
                 field=fields.get(second, "trials.static"),
                 remedy="Remove one of them, or name the recording that was meant",
@@ -93,12 +92,12 @@ def _is_same(one: Trial, other: Trial) -> bool:
     return bool(np.abs(one.markers - theirs)[both].max() < SAME_M)
 
 
-def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
+def refuse_one_spot(model: body.BodyModel, trial: Trial) -> None:
     """Two markers of one segment with the same positions give it no size.
 
     ``trial``: in m, with the model's names. Raises TrialUnusable: naming both.
     """
-    carried: dict[str, list[Marker]] = {}
+    carried: dict[str, list[body.Marker]] = {}
     for marker in model.markers:
         if marker.name in trial.labels and marker.weight > 0.0:
             carried.setdefault(marker.segment, []).append(marker)
@@ -108,7 +107,7 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
         known = distance[np.isfinite(distance)]
         apart = float(np.median(known)) if len(known) else float("inf")
         if apart < ONE_SPOT_M < float(np.linalg.norm(np.subtract(one.nominal, other.nominal))):
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"markers '{one.name}' and '{other.name}' lie on one spot in trial '{trial.name}'",
                 file=trial.name,
                 field=f"{one.name}, {other.name}",
@@ -116,7 +115,7 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
             )
 
 
-def require_landmarks(session: Session) -> None:
+def require_landmarks(session: subjects.Session) -> None:
     """Refuse recordings in which a landmark has a name that nothing here knows.
 
     Pelvis landmarks are needed for the hip centres as soon as one is there (both ASIS; a PSIS or the sacrum),
@@ -139,23 +138,38 @@ def require_landmarks(session: Session) -> None:
             known = set(session.model.marker_names)
             # Those that mean nothing to the model first: the one that is looked for is among them.
             present = sorted(trials[0].labels, key=lambda label: label in known)
-            raise MarkerMissing(ours[landmark], trials[0].name, present)
+            raise errors.MarkerMissing(ours[landmark], trials[0].name, present)
 
 
-def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[Note]:
+def require_measurements(
+    setup: subjects.ScaleSetup, model: body.BodyModel, trial: Trial, file: Path
+) -> abc.Iterator[notes.Note]:
     """Refuse a scale set-up whose measurements cannot be taken, and say what it scales without effect.
 
     ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
     measurement's marker is not in the model or never seen, or the time range holds no frame.
     """
-    rows = _select_rows(setup, trial, file)
+    if setup.time_range is None:
+        rows = slice(None)
+    else:
+        start, end = setup.time_range
+        if start > trial.times[-1] + _MARGIN_S or end < trial.times[0] - _MARGIN_S:
+            raise errors.TrialUnusable(
+                f"trial '{trial.name}' lasts from {trial.times[0]:g} to {trial.times[-1]:g} s and has no "
+                f"frame between {start:g} and {end:g} s",
+                file=file,
+                field="ModelScaler.time_range",
+                remedy="Correct the time range in the scale set-up",
+            )
+        first, last = np.searchsorted(trial.times, (start - _MARGIN_S, end + _MARGIN_S))
+        rows = slice(int(first), max(int(last), int(first) + 1))
     for measurement in setup.measurements:
         for pair in measurement.pairs:
             _require_pair(pair, measurement, model, trial.frames(rows), file)
     scaled = [*(s for m in setup.measurements for s in m.axes), *setup.manual]
     unknown = [name for name in dict.fromkeys(scaled) if name not in model.segment_names]
     if unknown:
-        yield Note(
+        yield notes.Note(
             code="scaled_unknown",
             problem=f"{file.name} scales {list_few(unknown)}, which the model does not have: "
             "that was left out",
@@ -163,28 +177,16 @@ def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file
         )
 
 
-def _select_rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
-    if setup.time_range is None:
-        return slice(None)
-    start, end = setup.time_range
-    if start > trial.times[-1] + _MARGIN_S or end < trial.times[0] - _MARGIN_S:
-        raise TrialUnusable(
-            f"trial '{trial.name}' lasts from {trial.times[0]:g} to {trial.times[-1]:g} s and has no frame "
-            f"between {start:g} and {end:g} s",
-            file=file,
-            field="ModelScaler.time_range",
-            remedy="Correct the time range in the scale set-up",
-        )
-    first, last = np.searchsorted(trial.times, (start - _MARGIN_S, end + _MARGIN_S))
-    return slice(int(first), max(int(last), int(first) + 1))
-
-
 def _require_pair(
-    pair: Sequence[str], measurement: Measurement, model: BodyModel, trial: Trial, file: Path
+    pair: abc.Sequence[str],
+    measurement: subjects.Measurement,
+    model: body.BodyModel,
+    trial: Trial,
+    file: Path,
 ) -> None:
     for name in pair:
         if name not in model.marker_names:
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"it uses marker '{name}', which the model does not have",
                 file=file,
                 field=f"measurement {measurement.name}",
@@ -192,7 +194,7 @@ def _require_pair(
             )
         trial.index(name)
     if not (find_seen(trial.position(pair[0])) & find_seen(trial.position(pair[1]))).any():
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"markers '{pair[0]}' and '{pair[1]}', between which '{measurement.name}' is measured, are never "
             f"seen together in trial '{trial.name}'",
             file=trial.name,
@@ -201,13 +203,15 @@ def _require_pair(
         )
 
 
-def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[Note]:
+def summarise_recordings(
+    model: body.BodyModel, subject: subjects.Subject, trials: abc.Sequence[Trial]
+) -> abc.Iterator[notes.Note]:
     """One plain sentence for each thing.
 
     ``trials``: with the model's names, before gaps are filled and positions smoothed.
     """
     if subject.calibration and not subject.evaluation:
-        yield Note(
+        yield notes.Note(
             code="no_evaluation",
             problem="there is no evaluation trial: nothing says how well the models follow recordings that "
             "were not used to fit",
@@ -218,7 +222,7 @@ def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Tr
     for trial in trials:
         for repair in trial.repairs:
             if repair.what == "header" and repair.where in _FRAME_COUNTS:
-                yield Note(
+                yield notes.Note(
                     code="part",
                     place=trial.name,
                     problem=f"{repair.detail} frames: it may be a part of a recording",
@@ -228,22 +232,24 @@ def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Tr
                 count = (
                     f" ({repair.frames} frame{'s' if repair.frames != 1 else ''})" if repair.frames else ""
                 )
-                yield Note(
+                yield notes.Note(
                     code=repair.what,
                     place=trial.name,
                     problem=f"{repair.where}: {repair.detail}{count}",
-                    remedy=_REMEDIES.get(repair.what, _LOOK_THERE if repair.frames else LOOK),
+                    remedy=_REMEDIES.get(repair.what, _LOOK_THERE if repair.frames else notes.LOOK),
                 )
 
 
-def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[Note]:
+def _tell_unseen(
+    model: body.BodyModel, subject: subjects.Subject, trials: abc.Sequence[Trial]
+) -> abc.Iterator[notes.Note]:
     shown = {label for trial in trials for label in trial.shown_labels}
     followed = [m.name for m in model.markers if m.weight > 0.0]
     missing = [name for name in followed if name not in shown]
     landmarks = {find_canonical(name) for name in shown}
     computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in shown]
     if computed:
-        yield Note(
+        yield notes.Note(
             code="computed",
             severity="note",
             problem=f"{list_few(computed)} are points that software computed from markers: they are not "
@@ -252,10 +258,14 @@ def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) ->
             hint="map them under `markers:` to use them",
         )
     absent = [name for name in missing if find_canonical(name) not in landmarks]
-    replaced = {name: found for name in absent if (found := _find_stand_in(name, landmarks)) is not None}
+    replaced: dict[str, str] = {}
+    for name in absent:
+        others = [other for other in _STANDS_IN.get(find_canonical(name) or "", ()) if other in landmarks]
+        if others:
+            replaced[name] = others[0]
     if replaced:
         stand_ins = list_few(list(dict.fromkeys(replaced.values())))
-        yield Note(
+        yield notes.Note(
             code="stand_in",
             severity="note",
             problem=f"{list_few(list(replaced))} not recorded: {stand_ins} and sizes stand in for them",
@@ -263,7 +273,7 @@ def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) ->
         )
     missing = [name for name in missing if name not in replaced]
     if missing:
-        yield Note(
+        yield notes.Note(
             code="missing",
             problem=f"no recording shows {list_few(missing)} of the model: not used",
             remedy="If they were recorded under other names, map those under `markers:`; else nothing is to "
@@ -271,7 +281,7 @@ def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) ->
         )
     for label in subject.extra_markers:
         if label not in shown:
-            yield Note(
+            yield notes.Note(
                 code="extra_missing",
                 problem=f"extra marker '{label}' is in no recording: it is left out",
                 remedy="Correct the label under `extra_markers:`, or remove it there",
@@ -280,14 +290,9 @@ def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) ->
         here = set(trial.shown_labels)
         empty = [n for n in (*followed, *subject.extra_markers) if n in trial.labels and n in shown - here]
         if empty:
-            yield Note(
+            yield notes.Note(
                 code="unseen",
                 place=trial.name,
                 problem=f"{list_few(empty)} labelled, but never seen",
                 remedy="Label them in the recording if they matter; they are not used",
             )
-
-
-def _find_stand_in(name: str, landmarks: Container[str | None]) -> str | None:
-    others = _STANDS_IN.get(find_canonical(name) or "", ())
-    return next((other for other in others if other in landmarks), None)

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter, abc
 from dataclasses import replace
 from pathlib import Path
 
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core import errors, text
 from scaling_service.core.notes import Note
-from scaling_service.core.text import list_few, suggest_name
+from scaling_service.model.anatomy import markers
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
-from scaling_service.model.anatomy.markers import (
-    SACRUM,
-    LabelMap,
-    find_canonical,
-    is_computed,
-    match_labels,
-    strip_prefix,
-)
 from scaling_service.model.anatomy.rotations import match_rotation
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Repair, Trial
-from scaling_service.recording.identity.identify import Identification, identify
-from scaling_service.recording.orientation import apply, decide
+from scaling_service.recording import orientation
+from scaling_service.recording.identity import identify as identifying
 
 _LIMBS = ("femur", "tibia")
 _SURE = 0.5  # of a label's segment: likelier than all others together
@@ -39,7 +30,7 @@ def without_computed(model: BodyModel, subject: Subject) -> BodyModel:
     """
     return model.with_markers(
         tuple(
-            replace(m, weight=0.0) if is_computed(m.name) and m.name not in subject.marker_map else m
+            replace(m, weight=0.0) if markers.is_computed(m.name) and m.name not in subject.marker_map else m
             for m in model.markers
         )
     )
@@ -49,35 +40,39 @@ def check_segments(subject: Subject, model: BodyModel) -> None:
     """Extra markers sit on segments of the model."""
     for label, segment in subject.extra_markers.items():
         if segment not in model.segment_names:
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"model '{model.name}' has no segment '{segment}'",
                 field=f"extra_markers.{label}",
-                remedy=f"{suggest_name(segment, model.segment_names)}Its segments are "
+                remedy=f"{text.suggest_name(segment, model.segment_names)}Its segments are "
                 f"{', '.join(model.segment_names)}",
             )
 
 
-def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) -> None:
+def check_explicit(subject: Subject, model: BodyModel, trials: abc.Sequence[Trial]) -> None:
     """A marker that the subject file maps is the model's, and its label in at least one recording."""
     present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
     for marker, label in subject.marker_map.items():
-        if marker not in (*model.marker_names, *subject.extra_markers, SACRUM):
-            raise SubjectInvalid(
+        if marker not in (*model.marker_names, *subject.extra_markers, markers.SACRUM):
+            raise errors.SubjectInvalid(
                 f"the model has no marker '{marker}'",
                 field=f"markers.{marker}",
-                remedy=f"{suggest_name(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
+                remedy=f"{text.suggest_name(marker, model.marker_names)}It has "
+                f"{', '.join(model.marker_names)}",
             )
         if not _has(present, label):
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"label '{label}' is in no recording",
                 field=f"markers.{marker}",
-                remedy=f"{suggest_name(label, [strip_prefix(p) for p in present])}Their labels are "
-                f"{', '.join(present)}",
+                remedy=f"{text.suggest_name(label, [markers.strip_prefix(p) for p in present])}Their labels "
+                f"are {', '.join(present)}",
             )
 
 
 def with_tracking_markers(
-    subject: Subject, model: BodyModel, trials: Mapping[Path, Trial], who: Identification | None = None
+    subject: Subject,
+    model: BodyModel,
+    trials: abc.Mapping[Path, Trial],
+    who: identifying.Identification | None = None,
 ) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with tracking markers on thighs and shanks that movements hardly show.
 
@@ -90,7 +85,7 @@ def with_tracking_markers(
         return subject, ()
     moving = [trial for path, trial in trials.items() if path != subject.static] or list(trials.values())
     labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
-    matched = match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
+    matched = markers.match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
     carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
     limbs = {s for s in model.segment_names if s.startswith(_LIMBS) and carried[s] < _FEWEST}
     free = sorted(labels - set(matched.values()))
@@ -103,7 +98,7 @@ def with_tracking_markers(
         Note(
             code="tracking",
             severity="note",
-            problem=f"{list_few(list(found))}: {why}, used though no extra_markers name them",
+            problem=f"{text.list_few(list(found))}: {why}, used though no extra_markers name them",
             remedy="Nothing is to be done; name them under `extra_markers:` to decide it yourself",
         )
         for found, why in (
@@ -112,25 +107,26 @@ def with_tracking_markers(
         )
         if found
     ]
-    added = {strip_prefix(label): segment for label, segment in (by_set | by_place).items()}
+    added = {markers.strip_prefix(label): segment for label, segment in (by_set | by_place).items()}
     return (replace(subject, extra_markers=added) if added else subject), tuple(notes)
 
 
 def _find_clusters(
     subject: Subject,
-    trials: Mapping[Path, Trial],
+    trials: abc.Mapping[Path, Trial],
     free: set[str],
     limbs: set[str],
-    who: Identification | None,
+    who: identifying.Identification | None,
 ) -> dict[str, str]:
     """Labels that geometry puts on segments, of those that no marker takes."""
     if not limbs or not free or subject.static is None or subject.static not in trials:
         return {}
     if who is None:
         standing = trials[subject.static]
-        told = _list_roles(standing)
-        who = identify(
-            apply(decide(standing, roles=told), standing),
+        found = ((label, markers.find_canonical(label)) for label in standing.labels)
+        told = {label: role for label, role in found if role is not None}
+        who = identifying.identify(
+            orientation.apply(orientation.decide(standing, roles=told), standing),
             [trial for path, trial in trials.items() if path != subject.static],
             stature=subject.height_m,
             landmarks={label: name for label, name in told.items() if list(told.values()).count(name) == 1},
@@ -142,23 +138,30 @@ def _find_clusters(
     }
 
 
-def _list_roles(trial: Trial) -> dict[str, str]:
-    found = ((label, find_canonical(label)) for label in trial.labels)
-    return {label: role for label, role in found if role is not None}
-
-
 def list_wanted(model: BodyModel, subject: Subject) -> list[str]:
     """Markers to look for in the recordings: the model's, and those that the subject file names."""
     return list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
 
 
 def with_model_names(
-    trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
-) -> tuple[Trial, Mapping[str, str]]:
+    trial: Trial, wanted: abc.Sequence[str], subject: Subject, path: Path
+) -> tuple[Trial, abc.Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
     explicit = _list_explicit(subject, trial.labels)
-    found = match_labels(trial.labels, wanted, explicit)
-    _refuse_rivals(found, explicit)
+    found = markers.match_labels(trial.labels, wanted, explicit)
+    # The same label with and without a prefix, or with two: they may be of two persons.
+    for marker, label in found.mapped.items():
+        rivals = [
+            other
+            for other in found.unused_labels
+            if markers.strip_prefix(other) == markers.strip_prefix(label)
+        ]
+        if rivals and marker not in explicit:
+            raise errors.InputError(
+                f"marker '{marker}' could be {' or '.join(repr(name) for name in (label, *rivals))}",
+                field=f"markers.{marker}",
+                remedy="Say under `markers:` in the subject file which label it is",
+            )
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
     kept = trial.select([label for label in trial.labels if label not in shadowed])
@@ -171,24 +174,12 @@ def with_model_names(
     return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
 
 
-def _refuse_rivals(found: LabelMap, explicit: Mapping[str, str]) -> None:
-    """The same label with and without a prefix, or with two: they may be of two persons."""
-    for marker, label in found.mapped.items():
-        rivals = [other for other in found.unused_labels if strip_prefix(other) == strip_prefix(label)]
-        if rivals and marker not in explicit:
-            raise InputError(
-                f"marker '{marker}' could be {' or '.join(repr(name) for name in (label, *rivals))}",
-                field=f"markers.{marker}",
-                remedy="Say under `markers:` in the subject file which label it is",
-            )
-
-
-def _list_explicit(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
+def _list_explicit(subject: Subject, labels: abc.Iterable[str]) -> dict[str, str]:
     return {m: label for m, label in subject.marker_map.items() if _has(list(labels), label)}
 
 
-def _has(labels: Sequence[str], label: str) -> bool:
-    return label in labels or label in map(strip_prefix, labels)
+def _has(labels: abc.Sequence[str], label: str) -> bool:
+    return label in labels or label in map(markers.strip_prefix, labels)
 
 
 def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
@@ -200,7 +191,7 @@ def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, 
     return {segment: tuple(labels) for segment, labels in found.items() if labels}
 
 
-def list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
+def list_placed(model: BodyModel, subject: Subject, trials: abc.Iterable[Trial]) -> dict[str, str]:
     """Every marker that a recording shows, and every rotation that is measured, to its segment."""
     segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
     given = list(trials)
@@ -210,7 +201,9 @@ def list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> 
     return on | {name: segment for name, segment in segments.items() if name in shown}
 
 
-def list_used_labels(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def list_used_labels(
+    maps: abc.Sequence[abc.Mapping[str, str]], wanted: abc.Sequence[str]
+) -> dict[str, tuple[str, ...]]:
     """Model marker to the labels that were taken for it in the recordings."""
     every = {name: tuple(dict.fromkeys(m[name] for m in maps if name in m)) for name in wanted}
     return {name: labels for name, labels in every.items() if labels}

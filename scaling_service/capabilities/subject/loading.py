@@ -3,70 +3,42 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import checks, labels
+from scaling_service.capabilities.subject import checks, labels, reading
+from scaling_service.capabilities.subject import rotations as subject_rotations
 from scaling_service.capabilities.subject.axes import (
     decide_axes,
     list_level_corners,
 )
 from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.persons import select_person
-from scaling_service.capabilities.subject.reading import (
-    apply_to_each,
-    blame_file,
-    list_recordings,
-    load_subject,
-    with_stated_sizes,
-)
-from scaling_service.capabilities.subject.rotations import (
-    decide_axes_of_rotations,
-    part_rotations,
-    turn_alone,
-)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
-from scaling_service.files.model_json import SUFFIX, read_model_json
-from scaling_service.files.osim.models import read_osim, read_vertical
+from scaling_service.files import model_json, recording
+from scaling_service.files.osim import models
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.recording import Recording, read_recording
+from scaling_service.model import body, builtin
+from scaling_service.model import subject as subjects
+from scaling_service.model.anatomy import key_points
 from scaling_service.model.anatomy.bones import assign_bones
-from scaling_service.model.anatomy.key_points import add_key_points, tell_key_points
-from scaling_service.model.body import GROUND, BodyModel
-from scaling_service.model.builtin import load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
-from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
+from scaling_service.recording import findings as recording_findings
+from scaling_service.recording import orientation as orientations
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
 from scaling_service.recording.identity.identify import Identification
-from scaling_service.recording.orientation import (
-    Orientation,
-    apply,
-    check_axes,
-    stand_along,
-    turn_rotations,
-)
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
 
-_NOTHING: Mapping[Path, Recording] = MappingProxyType({})
-
-
-def _tell_lying(vertical: int) -> Note:
-    said = (
-        f"the model stands along its {'xyz'[vertical]} axis, and motions are written with y up: lengths are "
-        "its own, but in other programs these motions lie down; `scaling-service ik` on the written model "
-        "follows in its own axes"
-    )
-    return Note(code="lying", problem=said)
+_NOTHING: abc.Mapping[Path, recording.Recording] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -77,17 +49,20 @@ class Loaded:
     ``plates``: recording to its own force plates, or why they cannot be used.
     """
 
-    session: Session
-    markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    session: subjects.Session
+    markers_used: abc.Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     axes: str = ""  # which laboratory axes were taken for up and forward
-    orientation: Orientation | None = None  # the same as a rotation, for forces
-    plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
+    orientation: orientations.Orientation | None = None  # the same as a rotation, for forces
+    plates: abc.Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
     file: Path | None = None  # the subject file, where there is one
 
     @contextmanager
-    def blame_files(self) -> Iterator[None]:
+    def blame_files(self) -> abc.Iterator[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        with blame_file(self.file), blame_file(None, list_recordings(self.session.subject)):
+        with (
+            reading.blame_file(self.file),
+            reading.blame_file(None, reading.list_recordings(self.session.subject)),
+        ):
             yield
 
 
@@ -98,9 +73,9 @@ class Read:
     ``vertical``: the axis along which the model stands.
     """
 
-    subject: Subject
-    model: BodyModel
-    recordings: Mapping[Path, Recording]
+    subject: subjects.Subject
+    model: body.BodyModel
+    recordings: abc.Mapping[Path, recording.Recording]
     vertical: int
     notes: tuple[Note, ...]
 
@@ -113,18 +88,18 @@ class Understood:
     markers on it.
     """
 
-    subject: Subject
-    model: BodyModel
-    trials: Mapping[Path, Trial]
-    labels: Mapping[Path, Mapping[str, str]]
-    clusters: Mapping[str, tuple[str, ...]]
-    axes: Orientation
-    plates: Mapping[Path, PlateRecording | TrialUnusable]
+    subject: subjects.Subject
+    model: body.BodyModel
+    trials: abc.Mapping[Path, Trial]
+    labels: abc.Mapping[Path, abc.Mapping[str, str]]
+    clusters: abc.Mapping[str, tuple[str, ...]]
+    axes: orientations.Orientation
+    plates: abc.Mapping[Path, PlateRecording | TrialUnusable]
     notes: tuple[Note, ...]
 
 
 def open_subject(
-    subject: Subject | str | Path,
+    subject: subjects.Subject | str | Path,
     settings: Settings = Settings(),
     *,
     facing: bool = False,
@@ -135,18 +110,20 @@ def open_subject(
     ``rotations``: whether recordings of rotations without markers are wanted, apart from the others.
     Raises TrialUnusable where they are not, and there are any.
     """
-    check_axes(settings.up, settings.forward)
-    file = None if isinstance(subject, Subject) else Path(subject)
-    known = subject if isinstance(subject, Subject) else load_subject(subject)
-    with blame_file(file):
+    orientations.check_axes(settings.up, settings.forward)
+    file = None if isinstance(subject, subjects.Subject) else Path(subject)
+    known = subject if isinstance(subject, subjects.Subject) else reading.load_subject(subject)
+    with reading.blame_file(file):
         loaded = load(known, settings, facing=facing)
-        return replace(loaded, session=part_rotations(loaded.session, wanted=rotations), file=file)
+        return replace(
+            loaded, session=subject_rotations.part_rotations(loaded.session, wanted=rotations), file=file
+        )
 
 
 def load(
-    subject: Subject,
+    subject: subjects.Subject,
     settings: Settings = Settings(),
-    read: Mapping[Path, Recording] = _NOTHING,
+    read: abc.Mapping[Path, recording.Recording] = _NOTHING,
     *,
     facing: bool = False,
     standing: bool = False,
@@ -169,7 +146,7 @@ def load(
     return prepare(understood, question(understood), settings.processing)
 
 
-def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> Read:
+def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Read:
     """Read the model with its bones and the recordings; sizes that these state complete the subject.
 
     ``known``: recordings that were read already.
@@ -177,12 +154,12 @@ def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> 
     model, of_bones = assign_bones(read_model(subject.model, subject.marker_set), subject.bone_bodies)
     labels.check_segments(subject, model)
     recordings = read_recordings(subject, known)
-    completed, of_sizes = with_stated_sizes(subject, recordings)
+    completed, of_sizes = reading.with_stated_sizes(subject, recordings)
     return Read(
         subject=completed,
         model=model,
         recordings=recordings,
-        vertical=read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
+        vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
         notes=(*(Note(code="model", problem=text) for text in model.notes), *of_bones, *of_sizes),
     )
 
@@ -197,14 +174,42 @@ def understand(
 ) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
     every = [label for found in read.recordings.values() for label in found.labels]
-    model = labels.without_computed(add_key_points(read.model, every), read.subject)
+    model = labels.without_computed(key_points.add_key_points(read.model, every), read.subject)
     marked = {path: found for path, found in read.recordings.items() if found.labels}
     if not marked:
-        return _understand_rotations(read, model, settings)
+        # As :func:`understand`, where no recording has a marker
+        if read.vertical != 1:
+            raise TrialUnusable(
+                f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
+                field="model",
+                remedy="Turn the model so that its gravity points along -y",
+            )
+        turned = {
+            path: subject_rotations.decide_axes_of_rotations(found.trial, settings)
+            for path, found in read.recordings.items()
+        }
+        first = next(iter(turned.values()))
+        return Understood(
+            subject=read.subject,
+            model=model,
+            trials={
+                path: orientations.turn_rotations(turned[path], found.trial)
+                for path, found in read.recordings.items()
+            },
+            labels={path: {} for path in turned},
+            clusters={},
+            axes=first,
+            plates={
+                path: found.plates for path, found in read.recordings.items() if found.plates is not None
+            },
+            notes=read.notes,
+        )
     labels.check_explicit(read.subject, model, list(marked.values()))
     subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked, who)
     wanted = labels.list_wanted(model, subject)
-    named = apply_to_each(lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked)
+    named = reading.apply_to_each(
+        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked
+    )
     axes = decide_axes(
         {path: trial for path, (trial, _) in named.items()},
         {path: list_level_corners(found) for path, found in read.recordings.items()},
@@ -214,46 +219,33 @@ def understand(
         facing=facing,
         vertical=read.vertical,
     )
-    axes = stand_along(axes, read.vertical) if standing else axes
-    lies = not standing and read.vertical != 1
+    axes = orientations.stand_along(axes, read.vertical) if standing else axes
+    of_axes: tuple[Note, ...] = ()
+    if not standing and read.vertical != 1:
+        said = (
+            f"the model stands along its {'xyz'[read.vertical]} axis, and motions are written with y up: "
+            "lengths are its own, but in other programs these motions lie down; `scaling-service ik` on the "
+            "written model follows in its own axes"
+        )
+        of_axes = (Note(code="lying", problem=said),)
     return Understood(
         subject=subject,
         model=model,
         trials={
-            path: apply(axes, named[path][0]) if path in named else turn_alone(found.trial, settings)
+            path: orientations.apply(axes, named[path][0])
+            if path in named
+            else subject_rotations.turn_alone(found.trial, settings)
             for path, found in read.recordings.items()
         },
         labels={path: used for path, (_, used) in named.items()},
         clusters=labels.sort_by_segment(model, subject),
         axes=axes,
         plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
-        notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
+        notes=(*read.notes, *of_axes, *of_tracking),
     )
 
 
-def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
-    """As :func:`understand`, where no recording has a marker."""
-    if read.vertical != 1:
-        raise TrialUnusable(
-            f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
-            field="model",
-            remedy="Turn the model so that its gravity points along -y",
-        )
-    axes = {path: decide_axes_of_rotations(found.trial, settings) for path, found in read.recordings.items()}
-    first = next(iter(axes.values()))
-    return Understood(
-        subject=read.subject,
-        model=model,
-        trials={path: turn_rotations(axes[path], found.trial) for path, found in read.recordings.items()},
-        labels={path: {} for path in axes},
-        clusters={},
-        axes=first,
-        plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
-        notes=read.notes,
-    )
-
-
-def question(understood: Understood) -> tuple[Finding, ...]:
+def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
     """What the recordings show that those of one sound person do not.
 
     Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
@@ -263,34 +255,36 @@ def question(understood: Understood) -> tuple[Finding, ...]:
     trials = {path: trial for path, trial in understood.trials.items() if trial.labels}
     if not trials:
         return ()
-    apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
+    reading.apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
     checks.refuse_repeated(trials, subject)
-    given = Recordings(
+    given = recording_findings.Recordings(
         trials=list(trials.values()),
         clusters=understood.clusters,
         static=trials[subject.static].name if subject.static in trials else None,
-        stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+        stated=recording_findings.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
         model=understood.model,
     )
-    with blame_file(None, list(trials)):
-        return refuse(person.ask(given))
+    with reading.blame_file(None, list(trials)):
+        return recording_findings.refuse(person.ask(given))
 
 
-def prepare(understood: Understood, findings: Iterable[Finding], settings: ProcessingSettings) -> Loaded:
+def prepare(
+    understood: Understood, findings: abc.Iterable[recording_findings.Finding], settings: ProcessingSettings
+) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
     subject = understood.subject
-    ready = apply_to_each(
+    ready = reading.apply_to_each(
         lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
         understood.trials,
     )
     placed = labels.list_placed(understood.model, subject, ready.values())
     marked = [trial for trial in understood.trials.values() if trial.labels]
     seen = [label for trial in marked for label in trial.shown_labels]
-    of_video = tell_key_points(understood.model, seen)
-    model, of_freedoms = lock_unmarked(understood.model, placed)
+    of_video = key_points.tell_key_points(understood.model, seen)
+    model, of_freedoms = builtin.lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
-    session = Session(
+    session = subjects.Session(
         subject=subject,
         model=model,
         static=None if subject.static is None else ready[subject.static],
@@ -318,25 +312,28 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
     )
 
 
-def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> dict[Path, Recording]:
+def read_recordings(
+    subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING
+) -> dict[Path, recording.Recording]:
     """The recordings of all trials as their files hold them, their own faults taken out.
 
     Those that are ``known`` are not read again.
     """
     read = {}
-    for path in list_recordings(subject):
-        with blame_file(path, [path]):
-            found = known[path] if path in known else repair_markers(read_recording(path))
+    for path in reading.list_recordings(subject):
+        with reading.blame_file(path, [path]):
+            found = known[path] if path in known else repair_markers(recording.read_recording(path))
             read[path] = select_person(found, subject.marker_map)
     for path, one in zip(read, choose_repeated(list(read.values())), strict=True):
-        with blame_file(path, [path]):
-            read[path] = person.mend(
-                one, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
-            )
+        with reading.blame_file(path, [path]):
+            wrong = subject.corrections.get(path.name, ())
+            whole = one.take_unlabelled({label for item in wrong for label in item.labels})
+            events = subject.events.get(path.name, whole.events)
+            read[path] = replace(person.mend(whole, wrong, subject.mirrored.get(path.name)), events=events)
     return read
 
 
-def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
+def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> body.BodyModel:
     """Read a body model: a built-in one by its name, another by its path.
 
     Parameters
@@ -363,14 +360,14 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
-        with blame_file(Path(name_or_path)):
+        with reading.blame_file(Path(name_or_path)):
             # The model with the whole body's place and turns unbounded: a person may walk a laboratory either
             # way. Models declare a right angle to either side and a few metres, clamped or not, so that a
             # walk back could not be followed. What hangs on the ground by a joint of fewer freedoms, as an
             # arm does, keeps its ranges.
-            model = read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+            model = models.read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
             free: set[str] = set()
-            for segment in model.children(GROUND):
+            for segment in model.children(body.GROUND):
                 driven = {
                     t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None
                 }
@@ -380,15 +377,15 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
                 for c in model.coordinates
             )
             return replace(model, coordinates=coordinates)
-    if str(name_or_path).lower().endswith(SUFFIX):
-        with blame_file(Path(name_or_path)):
-            return read_model_json(name_or_path)
-    return load_builtin(str(name_or_path))
+    if str(name_or_path).lower().endswith(model_json.SUFFIX):
+        with reading.blame_file(Path(name_or_path)):
+            return model_json.read_model_json(name_or_path)
+    return builtin.load_builtin(str(name_or_path))
 
 
 def _scale_setup(
-    subject: Subject, model: BodyModel, ready: Mapping[Path, Trial]
-) -> tuple[ScaleSetup | None, tuple[Note, ...]]:
+    subject: subjects.Subject, model: body.BodyModel, ready: abc.Mapping[Path, Trial]
+) -> tuple[subjects.ScaleSetup | None, tuple[Note, ...]]:
     """The set-up, and what it scales without effect; its marker placer leaves fixed markers alone."""
     if subject.scale_setup is None:
         return None, ()
@@ -396,7 +393,7 @@ def _scale_setup(
     of_setup: tuple[Note, ...] = ()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
-        with blame_file(None, [standing]):
+        with reading.blame_file(None, [standing]):
             of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
         return setup, of_setup

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
+from scaling_service.model.anatomy import markers
 from scaling_service.model.trial import Repair, Trial
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
@@ -35,7 +35,7 @@ def select_person(trial: _AnyTrial, marker_map: Mapping[str, str]) -> _AnyTrial:
     """
     theirs: dict[str, dict[str, str]] = {}
     for label in trial.labels:
-        theirs.setdefault(label.rpartition(":")[0], {})[strip_prefix(label)] = label
+        theirs.setdefault(label.rpartition(":")[0], {})[markers.strip_prefix(label)] = label
     persons = {
         prefix: labels
         for prefix, labels in theirs.items()
@@ -51,8 +51,10 @@ def select_person(trial: _AnyTrial, marker_map: Mapping[str, str]) -> _AnyTrial:
     names = list_few([f"'{prefix}'" if prefix else "no prefix" for prefix in persons])
     if len(named) != 1:
         prefix, labels = next(iter(persons.items()))
-        known = [(find_canonical(label), label) for label in labels.values()]
-        marker, label = next((pair for pair in known if pair[0]), (strip_prefix(known[0][1]), known[0][1]))
+        known = [(markers.find_canonical(label), label) for label in labels.values()]
+        marker, label = next(
+            (pair for pair in known if pair[0]), (markers.strip_prefix(known[0][1]), known[0][1])
+        )
         raise TrialUnusable(
             f"the recording holds {len(persons)} persons: the same labels stand under {names}",
             file=trial.name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from typing import Any
 
 from scaling_service.capabilities.subject.loading import Loaded
@@ -15,7 +15,7 @@ from scaling_service.model.trial import Repair, Trial
 
 
 def record_provenance(
-    loaded: Loaded, trials: Iterable[Trial], settings: Mapping[str, Any], seed: int = 0
+    loaded: Loaded, trials: abc.Iterable[Trial], settings: abc.Mapping[str, Any], seed: int = 0
 ) -> dict[str, Any]:
     """The fields of a ``Provenance``: what is needed to get the same results again.
 
@@ -40,6 +40,6 @@ def read_stated_sizes(subject: Subject) -> dict[str, float]:
     return {name: value for name, value in whole.items() if value is not None} | lengths
 
 
-def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
+def repair_notes(repairs: abc.Iterable[Repair]) -> list[RepairNote]:
     """What was changed in a recording, as results tell it."""
     return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in repairs]

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TypeVar
 
 from scaling_service.bones.images import SEGMENTATION, list_files_of
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core import errors
 from scaling_service.core.notes import Note
 from scaling_service.core.text import suggest_name
+from scaling_service.documents import subject as subjects
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
 from scaling_service.files.segmentation import list_tables
+from scaling_service.model import trial as model_trial
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import MeasuredSizes, Relabelling, Trial, merge
 
 _Held = TypeVar("_Held")
 _Made = TypeVar("_Made")
@@ -55,7 +55,7 @@ def load_subject(path: str | Path) -> Subject:
     """
     file = Path(path)
     if file.suffix.lower() in READERS:
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             "this is a recording, not a subject file",
             file=file,
             remedy="Name it under `trials:` in a subject file, and give that",
@@ -63,7 +63,9 @@ def load_subject(path: str | Path) -> Subject:
     return make_subject(read_document(file), folder=file.resolve().parent, file=file)
 
 
-def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | None = None) -> Subject:
+def make_subject(
+    document: subjects.SubjectDocument, *, folder: Path, file: str | Path | None = None
+) -> Subject:
     """The subject that a checked document describes.
 
     ``folder``: what the document's paths are relative to. ``file``: named in errors. Raises SubjectInvalid:
@@ -87,6 +89,7 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
         forces=find.all(document.forces, "forces"),
         corrections={name: list_relabellings(found) for name, found in document.corrections.items()},
         mirrored=dict(document.mirrored),
+        events={name: list_events(found) for name, found in document.events.items()},
         bones=find.images(document.bones.meshes if document.bones else {}),
         bone_units=document.bones.units if document.bones else "mm",
         bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
@@ -95,9 +98,15 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
     )
 
 
-def list_relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
-    """What a document wants exchanged in one recording."""
-    return tuple(Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
+def list_relabellings(corrections: abc.Iterable[subjects.Correction]) -> tuple[model_trial.Relabelling, ...]:
+    """What a document says of wrong labels in one recording."""
+    return tuple(model_trial.Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
+
+
+def list_events(entries: abc.Iterable[subjects.GaitEventEntry]) -> tuple[model_trial.GaitEvent, ...]:
+    """What a document says of gait in one recording, in the order of time."""
+    found = (model_trial.GaitEvent(one.side, one.kind, one.time_s) for one in entries)
+    return tuple(sorted(found, key=lambda event: event.time_s))
 
 
 class _Finder:
@@ -110,7 +119,7 @@ class _Finder:
         found = self._folder / Path(path).expanduser()
         if not found.is_file():
             problem = "is a folder, not a file" if found.is_dir() else "does not exist"
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{path}' {problem} (looked for {found})",
                 file=self._file,
                 field=field,
@@ -122,10 +131,10 @@ class _Finder:
     def optional(self, path: str | None, field: str) -> Path | None:
         return None if path is None else self(path, field)
 
-    def all(self, paths: Mapping[str, str], field: str) -> dict[str, Path]:
+    def all(self, paths: abc.Mapping[str, str], field: str) -> dict[str, Path]:
         return {name: self(path, f"{field}.{name}") for name, path in paths.items()}
 
-    def images(self, paths: Mapping[str, str]) -> dict[str, Path]:
+    def images(self, paths: abc.Mapping[str, str]) -> dict[str, Path]:
         """Bones' files; a segmentation may be a folder."""
         found = {}
         for name, path in paths.items():
@@ -136,7 +145,7 @@ class _Finder:
 
     def recording(self, path: str, field: str) -> Path:
         if PurePath(path).suffix.lower() not in READERS:
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{path}' is of no format that recordings are read from",
                 file=self._file,
                 field=field,
@@ -150,7 +159,7 @@ class _Finder:
     def builtin(self, name: str) -> str:
         if name in BUILTIN_NAMES:
             return name
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             f"there is no built-in model '{name}'",
             file=self._file,
             field="model",
@@ -173,13 +182,15 @@ def list_recordings(subject: Subject) -> tuple[Path, ...]:
     return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
 
 
-def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[Note, ...]]:
+def with_stated_sizes(
+    subject: Subject, trials: abc.Mapping[Path, model_trial.Trial]
+) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with height, mass and sizes that its recordings state and its file does not.
 
     Returns ``notes``: what two of them state differently: the subject file counts before the recordings,
     then the first recording.
     """
-    own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
+    own = model_trial.MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
     notes = tuple(
         Note(
             code="another_size",
@@ -189,7 +200,7 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
         for path, trial in trials.items()
         for name in own.conflicts(trial.sizes)
     )
-    known = own.or_else(merge(trial.sizes for trial in trials.values()))
+    known = own.or_else(model_trial.merge(trial.sizes for trial in trials.values()))
     completed = replace(
         subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
     )
@@ -197,14 +208,14 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
 
 
 @contextmanager
-def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
+def blame_file(file: Path | None, trials: abc.Iterable[Path] = ()) -> abc.Iterator[None]:
     """Let errors raised inside name a file.
 
     ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.
     """
     try:
         yield
-    except InputError as error:
+    except errors.InputError as error:
         by_stem = {path.stem: path for path in trials}
         found = file if error.file is None else by_stem.get(error.file)
         if found is not None:
@@ -213,7 +224,7 @@ def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]
 
 
 def apply_to_each(
-    step: Callable[[Path, _Held], _Made], recordings: Mapping[Path, _Held]
+    step: abc.Callable[[Path, _Held], _Made], recordings: abc.Mapping[Path, _Held]
 ) -> dict[Path, _Made]:
     """One step on every recording; errors name the file."""
     made = {}
@@ -231,27 +242,28 @@ def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict
     """
     folder = None if subject_file is None else subject_file.resolve().parent
     found: dict[str, str] = {}
-    for path in _list_inputs(subject, subject_file):
+    inputs: list[Path] = []
+    if subject_file is not None:
+        inputs.append(subject_file.resolve())
+    if subject.model.lower().endswith(subjects.MODEL_SUFFIXES):
+        inputs.append(Path(subject.model))
+    inputs.extend(
+        p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None
+    )
+    inputs.extend(list_recordings(subject))
+    inputs.extend(subject.forces.values())
+    for bone in subject.bones.values():
+        inputs.extend(list_files_of(bone))
+        inputs.extend(table for name in list_tables(bone.name) if (table := bone.with_name(name)).is_file())
+    for path in inputs:
         place = Path(os.path.abspath(path))  # noqa: PTH100 (links keep their names, ".." goes)
         inside = folder is not None and place.is_relative_to(folder)
         name = place.relative_to(folder).as_posix() if inside and folder is not None else str(place)
-        found[name] = _digest(path)
+        found[name] = hash_file(path)
     return found
 
 
-def _list_inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
-    if subject_file is not None:
-        yield subject_file.resolve()
-    if subject.model.lower().endswith(MODEL_SUFFIXES):
-        yield Path(subject.model)
-    yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
-    yield from list_recordings(subject)
-    yield from subject.forces.values()
-    for path in subject.bones.values():
-        yield from list_files_of(path)
-        yield from (table for name in list_tables(path.name) if (table := path.with_name(name)).is_file())
-
-
-def _digest(path: Path) -> str:
+def hash_file(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -10,13 +10,13 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
+from scaling_service.model import trial as trials
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Rotations, Trial
-from scaling_service.recording.orientation import Orientation, decide, turn_rotations
+from scaling_service.recording import orientation
 
 
-def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
+def decide_axes_of_rotations(trial: trials.Trial, settings: Settings) -> orientation.Orientation:
     """Which axes of a recording without markers point up and forward.
 
     Of a markerless system by where thighs and feet are, else by the segments' upright axis as documented;
@@ -26,7 +26,7 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
     held, table = trial.rotations, read_rotation_table()
     assert held is not None
     if held.of == "sensors" and settings.up is None:
-        return Orientation(np.eye(3))
+        return orientation.Orientation(np.eye(3))
     upright = None
     if held.of == "segments":
         upright = _find_upright_of_segments(held, int(np.abs(table.axes[1]).argmax()))
@@ -36,10 +36,12 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
         points = np.broadcast_to(ends, (trial.n_frames, 2, 3))
     labels = tuple(f"point {k}" for k in range(points.shape[1]))
     as_points = replace(trial, labels=labels, markers=points, rotations=None)
-    return decide(as_points, up=settings.up, forward=settings.forward, upright=upright, facing=False)
+    return orientation.decide(
+        as_points, up=settings.up, forward=settings.forward, upright=upright, facing=False
+    )
 
 
-def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
+def _find_upright_of_segments(held: trials.Rotations, axis: int) -> Array:
     """Where a body is upright on average, (3,). ``axis``: of the segments' own that is said to be so."""
 
     def list_rows(part: str) -> list[int]:
@@ -55,9 +57,9 @@ def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
     return np.asarray(np.nanmean(held.matrices[:, trunk or slice(None), :, axis], axis=(0, 1)))
 
 
-def turn_alone(trial: Trial, settings: Settings) -> Trial:
+def turn_alone(trial: trials.Trial, settings: Settings) -> trials.Trial:
     """A recording of rotations without markers, whose laboratory may be another."""
-    return turn_rotations(decide_axes_of_rotations(trial, settings), trial)
+    return orientation.turn_rotations(decide_axes_of_rotations(trial, settings), trial)
 
 
 def part_rotations(session: Session, *, wanted: bool) -> Session:
@@ -71,6 +73,9 @@ def part_rotations(session: Session, *, wanted: bool) -> Session:
         )
         if not trial.labels
     }
+    marked = {trial.name for trial in (*session.calibration, *session.evaluation) if trial.labels}
+    beside = [trial.name for trial in turned.values() if trial.name in marked]
+    turned = {path: trial for path, trial in turned.items() if trial.name not in marked}
     stood = session.static if session.static is not None and not session.static.labels else None
     if (turned or stood) and not wanted:
         raise TrialUnusable(
@@ -80,18 +85,22 @@ def part_rotations(session: Session, *, wanted: bool) -> Session:
             remedy="Follow it by `scaling-service ik`, and leave it out here",
         )
     both = [
+        t.name
+        for t in (session.static, *session.calibration, *session.evaluation)
+        if t and t.labels and t.rotations is not None
+    ]
+    unused = [
         Note(
             code="rotations_unused",
-            place=trial.name,
+            place=name,
             problem="its rotations are not used, its markers are",
             remedy="Follow it by `scaling-service ik`, which takes both",
         )
-        for trial in (session.static, *session.calibration, *session.evaluation)
-        if trial is not None and trial.labels and trial.rotations is not None
+        for name in (*both, *beside)
     ]
     return replace(
         session,
-        notes=(*session.notes, *both),
+        notes=(*session.notes, *unused),
         static=None if stood else session.static,
         calibration=tuple(t for t in session.calibration if t.labels),
         evaluation=tuple(t for t in session.evaluation if t.labels),

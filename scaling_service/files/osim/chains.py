@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.library import import_opensim, list_numbers
+from scaling_service.files.osim import library
 from scaling_service.model.body import GROUND, Joint, Law, Surface, Term, to_vector
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
@@ -24,7 +24,7 @@ _NO_TURN = 1e-15
 def read_frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
     """The body under a frame, and the chain from it to the frame, through all offsets between."""
     offsets: list[Any] = []
-    while (offset := import_opensim().PhysicalOffsetFrame.safeDownCast(frame)) is not None:
+    while (offset := library.import_opensim().PhysicalOffsetFrame.safeDownCast(frame)) is not None:
         offsets.insert(0, offset.getOffsetTransform())
         frame = offset.getParentFrame()
     body, kind = frame.getName(), frame.getConcreteClassName()
@@ -34,18 +34,18 @@ def read_frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
             field=component,
             remedy="Attach it to a body or to a PhysicalOffsetFrame",
         )
-    return body, tuple(j for offset in offsets for j in _list_constant_moves(offset, body))
-
-
-def _list_constant_moves(transform: Any, body: str) -> Iterator[Joint]:
-    for axis, value in zip((X, Y, Z), list_numbers(transform.p()), strict=True):
-        if value:
-            yield Joint("translation", axis, Law.constant(value), None if body == GROUND else body)
-    matrix = transform.R()
-    turn = convert_rotation_to_vector([[matrix.get(i, j) for j in range(3)] for i in range(3)])
-    angle = float(np.linalg.norm(turn))
-    if angle > _NO_TURN:
-        yield Joint("rotation", to_vector(turn / angle), Law.constant(angle))
+    moves = []
+    for transform in offsets:
+        for axis, value in zip((X, Y, Z), library.list_numbers(transform.p()), strict=True):
+            if value:
+                scales_with = None if body == GROUND else body
+                moves.append(Joint("translation", axis, Law.constant(value), scales_with))
+        matrix = transform.R()
+        turn = convert_rotation_to_vector([[matrix.get(i, j) for j in range(3)] for i in range(3)])
+        angle = float(np.linalg.norm(turn))
+        if angle > _NO_TURN:
+            moves.append(Joint("rotation", to_vector(turn / angle), Law.constant(angle)))
+    return body, tuple(moves)
 
 
 def invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
@@ -55,7 +55,9 @@ def invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
 
 def _read_ellipsoid(joint: Any, parent: str | None, _: str | None) -> list[Joint]:
     """The child glides on an ellipsoid of the parent, its z axis along the normal of the unit sphere."""
-    radii = list_numbers(import_opensim().EllipsoidJoint.safeDownCast(joint).get_radii_x_y_z())
+    radii = library.list_numbers(
+        library.import_opensim().EllipsoidJoint.safeDownCast(joint).get_radii_x_y_z()
+    )
     names = _list_coordinates(joint)
     turns = [Joint("rotation", axis, Law.of(name)) for axis, name in zip((X, Y, Z), names, strict=True)]
     return [*_glide(names, "xyz", radii, parent), *turns]
@@ -66,8 +68,8 @@ def _read_scapulothoracic(joint: Any, parent: str | None, child: str | None) -> 
 
     Seth et al. 2016, PLoS ONE 11:e0141028.
     """
-    own = import_opensim().ScapulothoracicJoint.safeDownCast(joint)
-    across, along, through = list_numbers(own.get_thoracic_ellipsoid_radii_x_y_z())
+    own = library.import_opensim().ScapulothoracicJoint.safeDownCast(joint)
+    across, along, through = library.list_numbers(own.get_thoracic_ellipsoid_radii_x_y_z())
     *names, winging = _list_coordinates(joint)
     quarter = Joint("rotation", Z, Law.constant(0.5 * math.pi))
     turns = [Joint("rotation", axis, Law.of(name)) for axis, name in zip((X, Y, Z), names, strict=True)]
@@ -102,8 +104,8 @@ def _read_constant_curvature(joint: Any, _: str | None, child: str | None) -> li
     Where it bends by less than 0.001 or more than 1.52 rad, OpenSim puts a straight rod in the arc's place
     (up to 0.1 mm away, and far off); here it stays an arc.
     """
-    own = import_opensim().ConstantCurvatureJoint.safeDownCast(joint)
-    x, z, y = list_numbers(own.get_neutral_angle_x_z_y())
+    own = library.import_opensim().ConstantCurvatureJoint.safeDownCast(joint)
+    x, z, y = library.list_numbers(own.get_neutral_angle_x_z_y())
     names = _list_coordinates(joint)
     bent = tuple(names[:2])
     surfaces = (

@@ -6,7 +6,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model import body
 from scaling_service.model.compile import compile_constraints, compile_model
 from scaling_service.numerics.multibody.tree import pose_markers
 
@@ -20,7 +20,7 @@ FORBIDDEN = "\\/*+ \t\n"
 """Characters that OpenSim refuses in names (Component::extendFinalizeFromProperties)."""
 
 
-def check_writable(model: BodyModel) -> None:
+def check_writable(model: body.BodyModel) -> None:
     """Refuse names that OpenSim does not accept, and markers that move on their segments."""
     joints = [s.joint_name for s in model.segments]
     for name in (*model.segment_names, *joints, *model.coordinate_names, *model.marker_names):
@@ -39,7 +39,7 @@ def check_writable(model: BodyModel) -> None:
             )
 
 
-def check_same(model: BodyModel, written: BodyModel) -> None:
+def check_same(model: body.BodyModel, written: body.BodyModel) -> None:
     """Compare every segment, and every marker, at poses spread over the coordinates' ranges."""
     absent = set(model.segment_names) ^ set(written.segment_names)
     if absent:
@@ -75,7 +75,7 @@ def check_same(model: BodyModel, written: BodyModel) -> None:
             raise ModelRefused(f"marker '{marker.name}' was not written as given", field=marker.name)
 
 
-def _check_constraints(model: BodyModel, written: BodyModel, poses: Array) -> None:
+def _check_constraints(model: body.BodyModel, written: body.BodyModel, poses: Array) -> None:
     """Compare what the equations of both models miss at the poses."""
     ours, theirs = compile_constraints(model), compile_constraints(written)
     if ours is None and theirs is None:
@@ -93,11 +93,11 @@ def _check_constraints(model: BodyModel, written: BodyModel, poses: Array) -> No
     )
 
 
-def _probe_segments(model: BodyModel, order: BodyModel, poses: Array) -> Array:
+def _probe_segments(model: body.BodyModel, order: body.BodyModel, poses: Array) -> Array:
     """Four points of each segment (in the order of another model's) in ground, (poses, points, 3)."""
     points = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1)]
     probes = tuple(
-        Marker.at(f"{name}/{k}", name, point)
+        body.Marker.at(f"{name}/{k}", name, point)
         for name in order.segment_names
         for k, point in enumerate(points)
     )

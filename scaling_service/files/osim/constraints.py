@@ -10,11 +10,11 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
+from scaling_service.files.osim import functions
 from scaling_service.files.osim.chains import read_frame
-from scaling_service.files.osim.functions import Range, list_strings, read_law, read_number
 from scaling_service.files.osim.joints import NotPolynomial, substitute
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
-from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, Vector, to_vector
+from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, to_vector
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
 _BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))
@@ -38,15 +38,17 @@ class NotSubstituted(Exception):
         self.coordinate = coordinate
 
 
-def read_coupler(constraint: Any, ranges: Mapping[str, Range]) -> Coupler | Constraint:
+def read_coupler(constraint: Any, ranges: Mapping[str, functions.Range]) -> Coupler | Constraint:
     """A coordinate that follows one other, or an equation between several."""
     name = constraint.getName()
     coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
     names, dependent = (
-        list_strings(coupler.getIndependentCoordinateNames()),
+        functions.list_strings(coupler.getIndependentCoordinateNames()),
         coupler.getDependentCoordinateName(),
     )
-    law = read_law(coupler.getFunction(), names, ranges, name).scale(read_number(coupler, "scale_factor"))
+    law = functions.read_law(coupler.getFunction(), names, ranges, name).scale(
+        functions.read_number(coupler, "scale_factor")
+    )
     if names and len(law.coordinates) <= 1:
         return Coupler(dependent, next(iter(law.coordinates), names[0]), law)
     return to_equation(name, dependent, law)
@@ -66,7 +68,13 @@ def read_constraint(constraint: Any) -> Constraint:
     library = import_opensim()
     if kind == "WeldConstraint":
         weld = library.WeldConstraint.safeDownCast(constraint)
-        places = [_find_in_body(frame, name) for frame in (weld.getFrame1(), weld.getFrame2())]
+        places = []
+        for frame in (weld.getFrame1(), weld.getFrame2()):
+            # The body under a frame, where the frame is in it and how it is turned (a rotation vector)
+            body, _ = read_frame(frame, name)
+            place = frame.findTransformInBaseFrame()
+            turn = convert_rotation_to_vector([[place.R().get(i, j) for j in range(3)] for i in range(3)])
+            places.append((body, to_vector(list_numbers(place.p())), to_vector(turn)))
         ends = tuple(Marker.at(name, body, shift) for body, shift, _ in places)
         return Constraint(name=name, kind="weld", ends=ends, turns=(places[0][2], places[1][2]))
     if kind not in POINTS:
@@ -77,8 +85,11 @@ def read_constraint(constraint: Any) -> Constraint:
         )
     own = getattr(library, kind).safeDownCast(constraint)
     frames = list_end_frames(constraint)
-    ends = tuple(_read_end(name, frame, getattr(own, f"get_{place}")()) for frame, place in frames)
-    found = Constraint(name=name, kind=POINTS[kind][0], ends=ends)
+    points = []
+    for frame, where in frames:
+        at = frame.findTransformInBaseFrame().shiftFrameStationToBase(getattr(own, f"get_{where}")())
+        points.append(Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(at))))
+    found = Constraint(name=name, kind=POINTS[kind][0], ends=tuple(points))
     if kind == "ConstantDistanceConstraint":
         return replace(found, distance=own.get_constant_distance())
     if kind == "PointOnLineConstraint":
@@ -94,19 +105,6 @@ def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:
     cast = import_opensim().PhysicalFrame.safeDownCast
     _, ends = POINTS[constraint.getConcreteClassName()]
     return [(cast(constraint.getConnectee(socket)), place) for socket, place in ends]
-
-
-def _read_end(name: str, frame: Any, location: Any) -> Marker:
-    place = frame.findTransformInBaseFrame().shiftFrameStationToBase(location)
-    return Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(place)))
-
-
-def _find_in_body(frame: Any, component: str) -> tuple[str, Vector, Vector]:
-    """The body under a frame, where the frame is in it and how it is turned (a rotation vector)."""
-    body, _ = read_frame(frame, component)
-    place = frame.findTransformInBaseFrame()
-    turn = convert_rotation_to_vector([[place.R().get(i, j) for j in range(3)] for i in range(3)])
-    return body, to_vector(list_numbers(place.p())), to_vector(turn)
 
 
 def resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.chains import SURFACE_JOINTS, X, Y, Z, invert_chain, read_frame
+from scaling_service.files.osim import chains, functions, library
 from scaling_service.files.osim.constraints import (
     NotSubstituted,
     read_constraint,
@@ -19,8 +19,6 @@ from scaling_service.files.osim.constraints import (
     substitute_coupler,
     to_equation,
 )
-from scaling_service.files.osim.functions import Range, list_strings, read_law
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
@@ -43,17 +41,21 @@ _REMEDY = "Remove or replace it in the model"
 
 _ROTATIONAL = 1  # of OpenSim's motion types; 2 is translational, 3 coupled
 
-_TURNS: tuple[tuple[Kind, Sequence[float]], ...] = (("rotation", X), ("rotation", Y), ("rotation", Z))
+_TURNS: tuple[tuple[Kind, Sequence[float]], ...] = (
+    ("rotation", chains.X),
+    ("rotation", chains.Y),
+    ("rotation", chains.Z),
+)
 
 _FIXED_JOINTS: Mapping[str, tuple[tuple[Kind, Sequence[float]], ...]] = {
     "WeldJoint": (),
     "PinJoint": _TURNS[2:],
-    "SliderJoint": (("translation", X),),
+    "SliderJoint": (("translation", chains.X),),
     "UniversalJoint": _TURNS[:2],
     "GimbalJoint": _TURNS,
     "BallJoint": _TURNS,
-    "PlanarJoint": (*_TURNS[2:], ("translation", X), ("translation", Y)),
-    "FreeJoint": (*_TURNS, ("translation", X), ("translation", Y), ("translation", Z)),
+    "PlanarJoint": (*_TURNS[2:], ("translation", chains.X), ("translation", chains.Y)),
+    "FreeJoint": (*_TURNS, ("translation", chains.X), ("translation", chains.Y), ("translation", chains.Z)),
 }
 """The joints of fixed kind: for each of their coordinates, in order, what it does. Ball and free joints turn
 by body-fixed x, y, z angles (Simbody's Euler mode, which OpenSim always chooses); translations act in the
@@ -65,10 +67,12 @@ def read_body_model(model: Any) -> BodyModel:
 
     Raises ModelRefused: names the joint, constraint, coordinate or frame that cannot be represented.
     """
-    ranges = {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in list_items(model.getCoordinateSet())}
+    ranges = {
+        c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in library.list_items(model.getCoordinateSet())
+    }
     direct: dict[str, tuple[str, Coupler]] = {}
     constraints: list[Constraint] = []
-    for item in list_items(model.getConstraintSet()):
+    for item in library.list_items(model.getConstraintSet()):
         if item.get_isEnforced():
             coupled = item.getConcreteClassName() == "CoordinateCouplerConstraint"
             found = read_coupler(item, ranges) if coupled else read_constraint(item)
@@ -79,7 +83,7 @@ def read_body_model(model: Any) -> BodyModel:
             else:
                 direct[found.dependent] = (item.getName(), found)
     while True:
-        links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
+        links = [_link(joint, ranges, direct.keys()) for joint in library.list_items(model.getJointSet())]
         segments, welds = _order_segments(model, links)
         try:
             follows = {dependent: resolve_coupler(dependent, direct) for dependent in direct}
@@ -90,14 +94,32 @@ def read_body_model(model: Any) -> BodyModel:
             name, coupler = direct.pop(error.coordinate)
             constraints.append(to_equation(name, coupler.dependent, coupler.law))
     coordinates = [
-        _read_coordinate(c) for c in list_items(model.getCoordinateSet()) if c.getName() not in direct
+        _read_coordinate(c) for c in library.list_items(model.getCoordinateSet()) if c.getName() not in direct
     ]
+    couplers = []
+    for c in follows.values():
+        # What OpenSim counts a coordinate as, which decides its unit in motion files
+        kind = int(model.getCoordinateSet().get(c.dependent).getMotionType())
+        couplers.append(replace(c, kind="rotation" if kind == _ROTATIONAL else "translation"))
+    markers = []
+    for marker in library.list_items(model.getMarkerSet()):
+        frame = marker.getParentFrame()
+        in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
+        body = frame.findBaseFrame().getName()
+        markers.append(
+            Marker.at(
+                marker.getName(),
+                body,
+                to_vector(library.list_numbers(in_body)),
+                anatomical=marker.get_fixed(),
+            )
+        )
     return BodyModel(
         name=model.getName(),
         segments=driven,
         coordinates=tuple(coordinates),
-        markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
-        couplers=tuple(replace(c, kind=_find_kind(model, c.dependent)) for c in follows.values()),
+        markers=tuple(markers),
+        couplers=tuple(couplers),
         constraints=bound,
         notes=tuple(_list_notes(model, bound)),
     )
@@ -107,23 +129,19 @@ def _list_notes(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
     """What of a model is taken otherwise than it stands in the file."""
     moved = [
         c.getName()
-        for c in list_items(model.getCoordinateSet())
+        for c in library.list_items(model.getCoordinateSet())
         if c.get_prescribed() and _find_prescribed(c) is None
     ]
     if moved:
         yield f"prescribed as functions of time, here estimated from markers: {', '.join(moved)}"
-    idle = [item.getName() for item in list_items(model.getConstraintSet()) if not item.get_isEnforced()]
+    idle = [
+        item.getName() for item in library.list_items(model.getConstraintSet()) if not item.get_isEnforced()
+    ]
     if idle:
         yield f"constraints that the model does not enforce are left out: {', '.join(idle)}"
     if followed:
         names = ", ".join(item.name for item in followed)
         yield f"motions obey the model's constraints ({names}); joint moments leave out their forces"
-
-
-def _find_kind(model: Any, coordinate: str) -> Literal["rotation", "translation"]:
-    """What OpenSim counts a coordinate as, which decides its unit in motion files."""
-    kind = int(model.getCoordinateSet().get(coordinate).getMotionType())
-    return "rotation" if kind == _ROTATIONAL else "translation"
 
 
 def _read_coordinate(coordinate: Any) -> Coordinate:
@@ -146,15 +164,8 @@ def _find_prescribed(coordinate: Any) -> float | None:
     """The value at which a coordinate is held; None where it is free, or prescribed by a function of time."""
     if not coordinate.get_prescribed():
         return None
-    constant = import_opensim().Constant.safeDownCast(coordinate.get_prescribed_function())
+    constant = library.import_opensim().Constant.safeDownCast(coordinate.get_prescribed_function())
     return None if constant is None else float(constant.getValue())
-
-
-def _read_marker(marker: Any) -> Marker:
-    frame = marker.getParentFrame()
-    in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
-    body = frame.findBaseFrame().getName()
-    return Marker.at(marker.getName(), body, to_vector(list_numbers(in_body)), anatomical=marker.get_fixed())
 
 
 class _Link(NamedTuple):
@@ -166,63 +177,54 @@ class _Link(NamedTuple):
     chain: tuple[Joint, ...]
 
 
-def _link(joint: Any, ranges: Mapping[str, Range], dependent: Set[str]) -> _Link:
+def _link(joint: Any, ranges: Mapping[str, functions.Range], dependent: Set[str]) -> _Link:
     """The moves between a joint's two frames, and between these and the bodies."""
     name = joint.getName()
-    parent, outwards = read_frame(joint.getParentFrame(), name)
-    child, onwards = read_frame(joint.getChildFrame(), name)
+    parent, outwards = chains.read_frame(joint.getParentFrame(), name)
+    child, onwards = chains.read_frame(joint.getChildFrame(), name)
     kind = joint.getConcreteClassName()
-    if kind in SURFACE_JOINTS:
-        moves = SURFACE_JOINTS[kind](joint, *(None if body == GROUND else body for body in (parent, child)))
-    else:
-        moves = _read_moves(joint, parent, ranges, dependent)
-    return _Link(name, parent, child, (*outwards, *moves, *invert_chain(onwards)))
-
-
-def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent: Set[str]) -> list[Joint]:
-    """Translations along axes fixed in the parent's joint frame, then body-fixed successive rotations.
-
-    So Simbody's function-based mobilizer moves.
-    """
-    axes = _read_axes(joint, ranges)
-    moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
-    return sorted(moves, key=lambda move: move.kind == "rotation")
-
-
-def _read_axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:
-    kind, name = joint.getConcreteClassName(), joint.getName()
+    if kind in chains.SURFACE_JOINTS:
+        moves = chains.SURFACE_JOINTS[kind](
+            joint, *(None if body == GROUND else body for body in (parent, child))
+        )
+        return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
     if kind == "CustomJoint":
-        transform = import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
-        return [_read_custom_axis(transform.getTransformAxis(k), k >= 3, ranges, name) for k in range(6)]
-    if kind not in _FIXED_JOINTS:
+        transform = library.import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
+        axes: list[Axis] = []
+        for k in range(6):
+            axis = transform.getTransformAxis(k)
+            law = functions.read_law(
+                axis.getFunction(), functions.list_strings(axis.getCoordinateNamesInArray()), ranges, name
+            )
+            moves_by: Kind = "translation" if k >= 3 else "rotation"
+            axes.append(
+                (moves_by, library.list_numbers(axis.get_axis()), law, not is_pure(axis.getFunction()))
+            )
+    elif kind in _FIXED_JOINTS:
+        axes = [
+            (what, axis, Law.of(joint.get_coordinates(k).getName()), False)
+            for k, (what, axis) in enumerate(_FIXED_JOINTS[kind])
+        ]
+    else:
         raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
-    return [
-        (what, axis, Law.of(joint.get_coordinates(k).getName()), False)
-        for k, (what, axis) in enumerate(_FIXED_JOINTS[kind])
-    ]
-
-
-def _read_custom_axis(axis: Any, translates: bool, ranges: Mapping[str, Range], joint: str) -> Axis:
-    law = read_law(axis.getFunction(), list_strings(axis.getCoordinateNamesInArray()), ranges, joint)
-    kind: Kind = "translation" if translates else "rotation"
-    return kind, list_numbers(axis.get_axis()), law, not is_pure(axis.getFunction())
+    # Translations along axes fixed in the parent's joint frame, then body-fixed successive rotations: so
+    # Simbody's function-based mobilizer moves.
+    moves = []
+    for what, along, law, scales in axes:
+        if law.terms:
+            direction = np.array(along, dtype=float)
+            # OpenSim scales the coupling of a dependent translation, and so the translation itself.
+            scaled = scales or any(term.coordinate in dependent for term in law.terms)
+            follows = parent if what == "translation" and scaled and parent != GROUND else None
+            moves.append(Joint(what, to_vector(direction / np.linalg.norm(direction)), law, follows))
+    moves.sort(key=lambda move: move.kind == "rotation")
+    return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
 
 
 def is_pure(function: Any) -> bool:
     """Whether a translation is its coordinate itself, which OpenSim's scaling leaves alone."""
-    line = import_opensim().LinearFunction.safeDownCast(function)
+    line = library.import_opensim().LinearFunction.safeDownCast(function)
     return line is not None and line.getSlope() == 1.0 and line.getIntercept() == 0.0
-
-
-def _move(axis: Axis, parent: str, dependent: Set[str]) -> Joint:
-    kind, along, law, scales = axis
-    direction = np.array(along, dtype=float)
-    # OpenSim scales the coupling of a dependent translation, and so the translation itself.
-    scales = scales or any(term.coordinate in dependent for term in law.terms)
-    follows_size = kind == "translation" and scales and parent != GROUND
-    return Joint(
-        kind, to_vector(direction / np.linalg.norm(direction)), law, parent if follows_size else None
-    )
 
 
 def name_copy(body: str, joint: str) -> str:
@@ -235,7 +237,7 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> tuple[list[Segment], 
 
     A joint that closes a loop carries a massless copy of its body, welded to it, as OpenSim does it.
     """
-    bodies = {body.getName(): body for body in list_items(model.getBodySet())}
+    bodies = {body.getName(): body for body in library.list_items(model.getBodySet())}
     waiting, reached = list(links), {GROUND}
     segments: list[Segment] = []
     welds: list[Constraint] = []
@@ -246,7 +248,7 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> tuple[list[Segment], 
         waiting.remove(link)
         parent, child, chain = link.parent, link.child, link.chain
         if parent not in reached:
-            parent, child, chain = child, parent, invert_chain(chain)
+            parent, child, chain = child, parent, chains.invert_chain(chain)
         if child in reached:
             copy = name_copy(child, link.name)
             ends = tuple(Marker.at(link.name, name, (0.0, 0.0, 0.0)) for name in (copy, child))
@@ -256,8 +258,8 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> tuple[list[Segment], 
         reached.add(child)
         body = bodies[child]
         com, inertia = (
-            to_vector(list_numbers(body.get_mass_center())),
-            to_tensor(list_numbers(body.get_inertia())),
+            to_vector(library.list_numbers(body.get_mass_center())),
+            to_tensor(library.list_numbers(body.get_inertia())),
         )
         segments.append(
             Segment(

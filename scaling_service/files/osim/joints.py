@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term
+from scaling_service.model import body
 from scaling_service.model.compile import evaluate_law, evaluate_shape
 from scaling_service.numerics.multibody.rigid import rotate_about
 
@@ -37,7 +37,7 @@ class NotPolynomial(ValueError):
 
 def fit_piecewise(
     function: Function, breaks: Sequence[float], degree: int, *, follow_ends: bool = True
-) -> Shape:
+) -> body.Shape:
     """The piecewise polynomial that equals a function between breaks, and beyond them.
 
     ``function``: value of the function at one coordinate (rad or m). ``degree``: at least the degree of
@@ -60,7 +60,7 @@ def fit_piecewise(
     return shape
 
 
-def _fit(function: Function, breaks: Sequence[float], degree: int) -> Shape:
+def _fit(function: Function, breaks: Sequence[float], degree: int) -> body.Shape:
     # Chebyshev points keep the small linear system well conditioned.
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree) if degree else np.array([0.5])
     powers = np.vander(nodes, degree + 1)
@@ -70,26 +70,26 @@ def _fit(function: Function, breaks: Sequence[float], degree: int) -> Shape:
         values = np.array([function(float(start + width * u)) for u in nodes])
         unit = np.linalg.solve(powers, values)
         pieces.append(tuple(float(c) for c in unit / width ** np.arange(degree, -1, -1)))
-    return Shape(tuple(float(b) for b in breaks), tuple(pieces))
+    return body.Shape(tuple(float(b) for b in breaks), tuple(pieces))
 
 
-def _is_equal(shape: Shape, function: Function, points: Sequence[float]) -> bool:
+def _is_equal(shape: body.Shape, function: Function, points: Sequence[float]) -> bool:
     wanted = np.array([function(float(x)) for x in points])
     size = max(1e-3, float(np.abs(wanted).max()))
     return bool(np.abs(evaluate_shape(shape, points) - wanted).max() <= EXACT * size)
 
 
-def evaluate_at(law: Law, x: float) -> float:
+def evaluate_at(law: body.Law, x: float) -> float:
     """Value of a law of one coordinate and no parameter at one coordinate value."""
     return float(evaluate_law(law, dict.fromkeys(law.coordinates, x)))
 
 
-def list_breaks(law: Law) -> list[float]:
+def list_breaks(law: body.Law) -> list[float]:
     """All breaks of a law's shapes, increasing."""
     return sorted({b for term in law.terms if term.shape is not None for b in term.shape.breaks})
 
 
-def find_degree(law: Law) -> int:
+def find_degree(law: body.Law) -> int:
     """The highest degree among a law's terms."""
     degrees = [0]
     for term in law.terms:
@@ -100,7 +100,7 @@ def find_degree(law: Law) -> int:
     return max(degrees)
 
 
-def merge_shapes(law: Law) -> Shape:
+def merge_shapes(law: body.Law) -> body.Shape:
     """A law of one coordinate, with at least one shape in it, as a single shape.
 
     Raises NotPolynomial: cannot happen for laws of shapes, lines and constants; kept as the check of the
@@ -109,13 +109,13 @@ def merge_shapes(law: Law) -> Shape:
     return fit_piecewise(lambda x: evaluate_at(law, x), list_breaks(law), find_degree(law), follow_ends=False)
 
 
-def substitute(law: Law, coordinate: str, follows: Law) -> Law:
+def substitute(law: body.Law, coordinate: str, follows: body.Law) -> body.Law:
     """A law with one coordinate replaced by the law of another coordinate that it follows.
 
     ``coordinate``: the dependent coordinate. ``follows``: its value; of at most one coordinate. Raises
     NotPolynomial if the composition's degree is above MAX_DEGREE, or the coordinate enters a surface.
     """
-    terms: list[Term] = []
+    terms: list[body.Term] = []
     for term in law.terms:
         if term.surface is not None and coordinate in term.surface.coordinates:
             raise NotPolynomial(f"'{coordinate}' enters a function of several coordinates")
@@ -125,17 +125,17 @@ def substitute(law: Law, coordinate: str, follows: Law) -> Law:
             terms.extend(follows.scale(term.gain).terms)
         else:
             terms.extend(_compose_laws(term.shape, follows).scale(term.gain).terms)
-    return Law(tuple(terms))
+    return body.Law(tuple(terms))
 
 
-def _compose_laws(outer: Shape, inner: Law) -> Law:
+def _compose_laws(outer: body.Shape, inner: body.Law) -> body.Law:
     names = inner.coordinates
     if not names:
         at = np.array(inner.constant_part)
-        return Law.constant(float(evaluate_shape(outer, at)))
+        return body.Law.constant(float(evaluate_shape(outer, at)))
     (name,) = names
-    if inner == Law.of(name):
-        return Law((Term(1.0, coordinate=name, shape=outer),))
+    if inner == body.Law.of(name):
+        return body.Law((body.Term(1.0, coordinate=name, shape=outer),))
     degree = max(len(piece) for piece in outer.coefficients) - 1
     degree *= find_degree(inner)
     if degree > MAX_DEGREE:
@@ -146,10 +146,10 @@ def _compose_laws(outer: Shape, inner: Law) -> Law:
         degree,
         follow_ends=False,
     )
-    return Law((Term(1.0, coordinate=name, shape=shape),))
+    return body.Law((body.Term(1.0, coordinate=name, shape=shape),))
 
 
-def _find_crossings(outer: Shape, inner: Law) -> list[float]:
+def _find_crossings(outer: body.Shape, inner: body.Law) -> list[float]:
     """Where the inner law has a break or its value crosses a break of the outer shape.
 
     A curved inner law is followed by REACH beyond its breaks, and not further.
@@ -164,20 +164,17 @@ def _find_crossings(outer: Shape, inner: Law) -> list[float]:
     found = set(known)
     for start, end, piece in zip(known, known[1:], pieces.coefficients, strict=False):
         for level in outer.breaks:
-            found.update(start + r for r in _find_real_roots(piece, level) if 0.0 < r < end - start)
+            moved = np.array(piece)
+            moved[-1] -= level
+            nothing = np.abs(moved) < 1e-14 * np.abs(moved).max(initial=1e-300)
+            roots = [float(r.real) for r in np.roots(np.where(nothing, 0.0, moved)) if abs(r.imag) < 1e-9]
+            found.update(start + root for root in roots if 0.0 < root < end - start)
     # Sorted, with points closer than rounding merged.
     kept: list[float] = []
     for point in sorted(found):
         if not kept or point - kept[-1] > 1e-9:
             kept.append(point)
     return kept
-
-
-def _find_real_roots(piece: Sequence[float], level: float) -> Iterable[float]:
-    moved = np.array(piece)
-    moved[-1] -= level
-    roots = np.roots(np.where(np.abs(moved) < 1e-14 * np.abs(moved).max(initial=1e-300), 0.0, moved))
-    return (float(r.real) for r in roots if abs(r.imag) < 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +191,7 @@ class Axis:
 
     direction: Array
     coordinate: str | None = None
-    law: Law = field(default_factory=Law)
+    law: body.Law = field(default_factory=body.Law)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +214,7 @@ class EqualCoordinates:
     dependent: str
 
 
-def plan_joints(model: BodyModel) -> tuple[list[CustomJoint], list[EqualCoordinates]]:
+def plan_joints(model: body.BodyModel) -> tuple[list[CustomJoint], list[EqualCoordinates]]:
     """All joints as custom (or, where nothing moves, weld) joints, and the couplers they need.
 
     A coordinate of OpenSim's belongs to one joint. Where a second joint follows it, that joint gets
@@ -225,7 +222,7 @@ def plan_joints(model: BodyModel) -> tuple[list[CustomJoint], list[EqualCoordina
 
     Raises ModelRefused: a chain of moves that a CustomJoint cannot hold; ``field`` names the joint.
     """
-    known = {c.independent: c.dependent for c in model.couplers if c.law == Law.of(c.independent)}
+    known = {c.independent: c.dependent for c in model.couplers if c.law == body.Law.of(c.independent)}
     taken: set[str] = set()
     plans: list[CustomJoint] = []
     couplers: list[EqualCoordinates] = []
@@ -242,7 +239,7 @@ def plan_joints(model: BodyModel) -> tuple[list[CustomJoint], list[EqualCoordina
     return plans, couplers
 
 
-def _refuse_joint(segment: Segment, problem: str, remedy: str = _REMEDY) -> ModelRefused:
+def _refuse_joint(segment: body.Segment, problem: str, remedy: str = _REMEDY) -> ModelRefused:
     return ModelRefused(f"joint '{segment.joint_name}' {problem}", field=segment.joint_name, remedy=remedy)
 
 
@@ -252,13 +249,13 @@ class _Form:
 
     rotation: Array = field(default_factory=lambda: np.eye(3))
     shift: Array = field(default_factory=lambda: np.zeros(3))
-    translations: list[tuple[Array, Law]] = field(default_factory=list)
-    rotations: list[tuple[Array, Law]] = field(default_factory=list)
+    translations: list[tuple[Array, body.Law]] = field(default_factory=list)
+    rotations: list[tuple[Array, body.Law]] = field(default_factory=list)
     after_rotation: Array = field(default_factory=lambda: np.eye(3))
     after_shift: Array = field(default_factory=lambda: np.zeros(3))
 
 
-def _plan(segment: Segment) -> CustomJoint:
+def _plan(segment: body.Segment) -> CustomJoint:
     # Push constant rotations to the end of the chain and constant shifts to the front.
     form = _Form()
     moving = [k for k, joint in enumerate(segment.joints) if not joint.law.is_constant]
@@ -300,7 +297,7 @@ def _plan(segment: Segment) -> CustomJoint:
     )
 
 
-def _append_joint(rotation: Array, shift: Array, joint: Joint) -> tuple[Array, Array]:
+def _append_joint(rotation: Array, shift: Array, joint: body.Joint) -> tuple[Array, Array]:
     """A constant transform followed by a constant joint."""
     value, axis = joint.law.constant_part, np.array(joint.axis)
     if joint.kind == "translation":
@@ -308,7 +305,7 @@ def _append_joint(rotation: Array, shift: Array, joint: Joint) -> tuple[Array, A
     return rotation @ rotate_about(axis, value), shift
 
 
-def _append(axes: list[tuple[Array, Law]], axis: Array, law: Law, *, only_last: bool) -> None:
+def _append(axes: list[tuple[Array, body.Law]], axis: Array, law: body.Law, *, only_last: bool) -> None:
     """Add a move, joined with one about the same axis (of rotations only with the one just before)."""
     candidates = range(len(axes) - 1, max(-1, len(axes) - 2) if only_last else -1, -1)
     for k in candidates:
@@ -319,14 +316,32 @@ def _append(axes: list[tuple[Array, Law]], axis: Array, law: Law, *, only_last: 
     axes.append((axis, law))
 
 
-def _list_three_axes(segment: Segment, chosen: Sequence[tuple[Array, Law]], what: str) -> list[Axis]:
+def _list_three_axes(
+    segment: body.Segment, chosen: Sequence[tuple[Array, body.Law]], what: str
+) -> list[Axis]:
     if len(chosen) > 3:
         raise _refuse_joint(segment, f"has {len(chosen)} moving {what}s")
     directions = [axis for axis, _ in chosen]
     for k, a in enumerate(directions):
         if any(np.linalg.norm(np.cross(a, b)) < _COLLINEAR for b in directions[:k]):
             raise _refuse_joint(segment, f"has two {what} axes that are parallel")
-    driven = [Axis(axis, _find_coordinate(segment, law), law) for axis, law in chosen]
+    driven = []
+    for axis, law in chosen:
+        # The only coordinate that drives an axis
+        if any(t.parameter is not None for t in law.terms):
+            raise _refuse_joint(segment, "depends on a free parameter", "Fold the parameters in first")
+        if any(t.surface is not None for t in law.terms):
+            raise _refuse_joint(
+                segment,
+                "glides on a surface",
+                "Write it with the file that the model was made from as its source",
+            )
+        names = sorted(law.coordinates)
+        if len(names) > 1:
+            raise _refuse_joint(
+                segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis"
+            )
+        driven.append(Axis(axis, names[0], law))
     return driven + [Axis(direction) for direction in _complete_directions(directions)]
 
 
@@ -340,19 +355,3 @@ def _complete_directions(axes: Sequence[Array]) -> list[Array]:
     third = np.cross(axes[0], second)
     third /= np.linalg.norm(third)
     return [third] if len(axes) == 2 else [np.cross(third, axes[0]), third]
-
-
-def _find_coordinate(segment: Segment, law: Law) -> str:
-    """The only coordinate that drives an axis."""
-    if any(t.parameter is not None for t in law.terms):
-        raise _refuse_joint(segment, "depends on a free parameter", "Fold the parameters in first")
-    if any(t.surface is not None for t in law.terms):
-        raise _refuse_joint(
-            segment,
-            "glides on a surface",
-            "Write it with the file that the model was made from as its source",
-        )
-    names = sorted(law.coordinates)
-    if len(names) > 1:
-        raise _refuse_joint(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")
-    return names[0]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from scaling_service.core.errors import DependencyMissing, FileUnreadable, ModelRefused
+from scaling_service.core import errors
 
 _WITHOUT_KINEMATICS = ("ForceSet", "ControllerSet", "ProbeSet", "ComponentSet")
 """Sets of a model that its motion does not need."""
@@ -31,7 +31,7 @@ def import_opensim() -> Any:
     try:
         module = importlib.import_module("opensim")
     except ImportError as error:
-        raise DependencyMissing(
+        raise errors.DependencyMissing(
             f"the opensim library cannot be imported ({error})",
             field="opensim",
             remedy="Install it with `pip install scaling-service[opensim]`",
@@ -48,19 +48,54 @@ def load(path: Path, marker_set: str | None = None) -> Any:
         set a marker on a body that is absent.
     """
     if not path.is_file():
-        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    unknown = list_unknown(path)
+        raise errors.FileUnreadable("there is no such file", file=path, remedy="Check the path")
+    known = path
+    if list_unknown(path):
+        # The model without what a plug-in defines, and what may name that
+        root, known = ElementTree.fromstring(path.read_bytes()), Path(_KNOWN)
+        sets = _find_idle_sets(root)
+        for kind, elements in _find_aside(sets).items():
+            for element in elements:
+                sets[kind].remove(element)
+        ElementTree.ElementTree(root).write(known, encoding="utf-8", xml_declaration=True)
     try:
-        model = import_opensim().Model(str(_set_aside(path) if unknown else path))
+        model = import_opensim().Model(str(known))
         model.finalizeConnections()
     except RuntimeError as error:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"OpenSim cannot read it ({shorten_message(error)})",
             file=path,
             remedy="Open and save it in OpenSim",
         ) from error
     if marker_set is not None:
-        _add_markers(model, Path(marker_set))
+        # As OpenSim's scale tool: markers of the set replace those of the same name, others are added.
+        path = Path(marker_set)
+        if not path.is_file():
+            raise errors.FileUnreadable("there is no such file", file=path, remedy="Check the path")
+        library = import_opensim()
+        try:
+            markers = library.MarkerSet(str(path))
+        except RuntimeError as error:
+            raise errors.FileUnreadable(
+                f"OpenSim cannot read this marker set ({shorten_message(error)})",
+                file=path,
+                remedy="It must be an OpenSim MarkerSet file",
+            ) from error
+        if not markers.getSize():
+            raise errors.FileUnreadable(
+                "holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file"
+            )
+        for marker in list_items(markers):
+            frame = marker.getParentFrameName()
+            if not model.hasComponent(frame):
+                raise errors.ModelRefused(
+                    f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
+                    file=path,
+                    field=marker.getName(),
+                    remedy="Put it on one of the model's bodies",
+                )
+        model.updateMarkerSet(markers)
+        model.finalizeConnections()
     return model
 
 
@@ -83,7 +118,7 @@ def list_unknown(path: Path) -> list[tuple[str, str]]:
     for element in root.iter():
         name = element.get("name")
         if name and element.tag.endswith(("Joint", "Constraint")) and _is_unknown(element):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"'{name}' is a {element.tag}, a kind that OpenSim does not know",
                 file=path,
                 field=name,
@@ -112,17 +147,6 @@ def _find_aside(sets: Mapping[str, ElementTree.Element]) -> dict[str, list[Eleme
     }
 
 
-def _set_aside(path: Path) -> Path:
-    """The model without what a plug-in defines, and what may name that."""
-    root = ElementTree.fromstring(path.read_bytes())
-    sets = _find_idle_sets(root)
-    for kind, elements in _find_aside(sets).items():
-        for element in elements:
-            sets[kind].remove(element)
-    ElementTree.ElementTree(root).write(_KNOWN, encoding="utf-8", xml_declaration=True)
-    return Path(_KNOWN)
-
-
 def put_back(text: str, path: Path) -> str:
     """The text of a model made from a file, with what was set aside of it as it stands there."""
     if not list_unknown(path):
@@ -143,34 +167,6 @@ def put_back(text: str, path: Path) -> str:
         else:
             text = text[: place.end()] + lines + text[place.end() :]
     return text
-
-
-def _add_markers(model: Any, path: Path) -> None:
-    """As OpenSim's scale tool: markers of the set replace those of the same name, others are added."""
-    if not path.is_file():
-        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    library = import_opensim()
-    try:
-        markers = library.MarkerSet(str(path))
-    except RuntimeError as error:
-        raise FileUnreadable(
-            f"OpenSim cannot read this marker set ({shorten_message(error)})",
-            file=path,
-            remedy="It must be an OpenSim MarkerSet file",
-        ) from error
-    if not markers.getSize():
-        raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
-    for marker in list_items(markers):
-        frame = marker.getParentFrameName()
-        if not model.hasComponent(frame):
-            raise ModelRefused(
-                f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
-                file=path,
-                field=marker.getName(),
-                remedy="Put it on one of the model's bodies",
-            )
-    model.updateMarkerSet(markers)
-    model.finalizeConnections()
 
 
 def list_items(collection: Any) -> list[Any]:

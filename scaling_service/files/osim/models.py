@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 from scaling_service.core import errors
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.osim.setups import parse_xml
-from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.document import from_document, to_document
+from scaling_service.model import body, document
 from scaling_service.model.results import JointMove
 
 TIME_LIMIT_S = 120.0
@@ -36,7 +35,7 @@ _KINDS: Mapping[str, type[InputError]] = {
 
 _GRAVITY = re.compile(rb"<gravity>\s*([^<]*?)\s*</gravity>")
 
-_NO_FACTORS: Mapping[str, Vector] = MappingProxyType({})
+_NO_FACTORS: Mapping[str, body.Vector] = MappingProxyType({})
 _NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
 _NO_MOVES: Mapping[str, JointMove] = MappingProxyType({})
 
@@ -68,42 +67,16 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
                 file=request.get("file"),
                 remedy="Open the file in OpenSim itself to see where it hangs",
             ) from error
-    return _answer(done, request)
-
-
-def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
-    """Start a worker in a scratch folder; its answer, or how it ended without one."""
-    return subprocess.run(
-        [sys.executable, "-m", _WORKER],
-        input=json.dumps(request),
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        cwd=scratch,
-        env=_make_environment(),
-        timeout=time_limit_s,
-        check=False,
-    )
-
-
-def _make_environment() -> dict[str, str]:
-    """The caller's environment, with this package importable and one thread per library."""
-    root = str(Path(__file__).resolve().parents[3])
-    path = os.environ.get("PYTHONPATH")
-    return {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([root, path] if path else [root]),
-        "OPENBLAS_NUM_THREADS": "1",
-        "OMP_NUM_THREADS": "1",
-    }
-
-
-def _answer(done: subprocess.CompletedProcess[str], request: Mapping[str, Any]) -> dict[str, Any]:
     try:
         answer: dict[str, Any] = json.loads(done.stdout)
     except ValueError:
+        if done.returncode < 0:
+            ending = signal.Signals(-done.returncode).name
+        else:
+            lines = done.stderr.strip().splitlines()
+            ending = f"exit {done.returncode}: {lines[-1]}" if lines else f"exit {done.returncode}"
         raise FileUnreadable(
-            f"OpenSim ended without an answer ({_describe_ending(done)})",
+            f"OpenSim ended without an answer ({ending})",
             file=request.get("file"),
             remedy="Open the file in OpenSim itself to see whether it is sound",
         ) from None
@@ -119,14 +92,34 @@ def _answer(done: subprocess.CompletedProcess[str], request: Mapping[str, Any]) 
     return answer
 
 
-def _describe_ending(done: subprocess.CompletedProcess[str]) -> str:
-    if done.returncode < 0:
-        return signal.Signals(-done.returncode).name
-    lines = done.stderr.strip().splitlines()
-    return f"exit {done.returncode}: {lines[-1]}" if lines else f"exit {done.returncode}"
+def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
+    """Start a worker in a scratch folder; its answer, or how it ended without one."""
+    return subprocess.run(
+        [sys.executable, "-m", _WORKER],
+        input=json.dumps(request),
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        cwd=scratch,
+        env=make_environment(),
+        timeout=time_limit_s,
+        check=False,
+    )
 
 
-def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:
+def make_environment() -> dict[str, str]:
+    """The caller's environment, with this package importable and one thread per library."""
+    root = str(Path(__file__).resolve().parents[3])
+    path = os.environ.get("PYTHONPATH")
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([root, path] if path else [root]),
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+    }
+
+
+def read_osim(path: Path, marker_set: Path | None = None) -> body.BodyModel:
     """Read an OpenSim model of any version that OpenSim itself can upgrade.
 
     ``path``: the ``.osim`` file.
@@ -166,14 +159,14 @@ def _read_version(path: Path) -> _Version:
 
 
 @lru_cache(maxsize=16)  # chosen: more models than one subject ever uses
-def _read(model: _Version, marker_set: _Version | None) -> BodyModel:
+def _read(model: _Version, marker_set: _Version | None) -> body.BodyModel:
     request = {
         "operation": "read",
         "file": str(model.path.resolve()),
         "marker_set": str(marker_set.path.resolve()) if marker_set is not None else None,
     }
     try:
-        found = from_document(ask(request)["model"], file=model.path)
+        found = document.from_document(ask(request)["model"], file=model.path)
     except FileUnreadable:
         # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
         root = parse_xml(model.path)
@@ -192,10 +185,10 @@ def _report_no_model(path: Path) -> FileUnreadable:
 
 
 def render_osim(
-    model: BodyModel,
+    model: body.BodyModel,
     *,
     source: Path | None = None,
-    factors: Mapping[str, Vector] = _NO_FACTORS,
+    factors: Mapping[str, body.Vector] = _NO_FACTORS,
     axis_tilts: Mapping[str, tuple[float, float]] = _NO_TILTS,
     joint_moves: Mapping[str, JointMove] = _NO_MOVES,
     mass_kg: float | None = None,
@@ -227,7 +220,7 @@ def render_osim(
         raise ValueError("fold the parameters into the laws before writing a model")
     request = {
         "operation": "write",
-        "model": to_document(model),
+        "model": document.to_document(model),
         "file": str(source.resolve()) if source is not None else None,
         "marker_set": str(marker_set.resolve()) if marker_set is not None else None,
         "factors": dict(factors),
@@ -241,7 +234,7 @@ def render_osim(
     return text
 
 
-def write_osim(path: Path, model: BodyModel, **how: Any) -> None:
+def write_osim(path: Path, model: body.BodyModel, **how: Any) -> None:
     """Write a model for OpenSim, complete or not at all.
 
     ``path``: the file to write; replaced in one step once the content has been checked.

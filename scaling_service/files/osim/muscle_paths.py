@@ -73,7 +73,15 @@ class Posed:
             coordinate.set_prescribed(False)
         self.osim, self.state = osim, osim.initSystem()
         self._q = [(osim.getCoordinateSet().get(name), values) for name, values in q.items()]
-        self.rows = {name: _find_row(osim.getCoordinateSet().get(name), self.state) for name in q}
+        rows = {}
+        for name in q:
+            # Where a coordinate's speed stands in the state
+            coordinate = osim.getCoordinateSet().get(name)
+            coordinate.setSpeedValue(self.state, 1.0)
+            (row,) = np.flatnonzero(self.state.getU().to_numpy())
+            coordinate.setSpeedValue(self.state, 0.0)
+            rows[name] = int(row)
+        self.rows = rows
         self.freedoms = self.state.getNU()
         self._links = osim.getBodySet().getSize() + 1  # a model is a tree: its bodies and the ground
         self._forces = import_opensim().Vector(self.freedoms, 0.0)
@@ -95,14 +103,6 @@ class Posed:
         return forces
 
 
-def _find_row(coordinate: Any, state: Any) -> int:
-    """Where a coordinate's speed stands in the state."""
-    coordinate.setSpeedValue(state, 1.0)
-    (row,) = np.flatnonzero(state.getU().to_numpy())
-    coordinate.setSpeedValue(state, 0.0)
-    return int(row)
-
-
 def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
     """Path points that are fixed in a body, and the surfaces of all bodies; see ``attachments``."""
     osim = _load_model(request)
@@ -110,8 +110,14 @@ def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
         [muscle.getName(), number, *place_in_body(point.getParentFrame(), point.get_location())]
         for muscle, number, point in _list_fixed_points(osim)
     ]
+    # Scale factors of a surface, and its rotation and origin in its body, m
     meshes = [
-        [mesh.getFrame().findBaseFrame().getName(), mesh.get_mesh_file(), *_place_surface(mesh)]
+        [
+            mesh.getFrame().findBaseFrame().getName(),
+            mesh.get_mesh_file(),
+            list_numbers(mesh.get_scale_factors()),
+            *place_frame(mesh.getFrame()),
+        ]
         for component in osim.getComponentsList()
         if (mesh := import_opensim().Mesh.safeDownCast(component)) is not None
     ]
@@ -129,12 +135,22 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
     As OpenSim's scaling has it: by the ratio of the whole path's lengths in the default pose. A muscle whose
     length changes by more than ``most`` runs along another side of a wrap: its points go back.
     """
-    osim = _load_model(request)
+    library, osim = import_opensim(), _load_model(request)
     muscles = list_items(osim.getMuscles())
     kept = [[muscle, number, at] for muscle, number, _, at in list_points(request)["points"]]
     before = _measure_lengths(osim)
     for segment, name, at, size in request["wraps"]:
-        _move_wrap(osim.getBodySet().get(segment).getWrapObjectSet().get(name), at, size)
+        # Elsewhere in its body, of a given size; its directions stay.
+        wrap = osim.getBodySet().get(segment).getWrapObjectSet().get(name)
+        wrap.set_translation(library.Vec3(*at))
+        for kind, lengths in _LENGTHS.items():
+            own = getattr(library, kind).safeDownCast(wrap)
+            for length in lengths if own is not None else ():
+                getattr(own, f"set_{length}")(size * getattr(own, f"get_{length}")())
+        ellipsoid = library.WrapEllipsoid.safeDownCast(wrap)
+        if ellipsoid is not None:
+            dimensions = [size * number for number in list_numbers(ellipsoid.get_dimensions())]
+            ellipsoid.set_dimensions(library.Vec3(*dimensions))
     _set_points(osim, request["moved"])
     change = np.abs(np.log(_measure_lengths(osim) / before))
     astray = {muscle.getName() for muscle, by in zip(muscles, change, strict=True) if by > request["most"]}
@@ -169,20 +185,6 @@ def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
             point.set_location(import_opensim().Vec3(*(rotation.T @ (at - origin))))
 
 
-def _move_wrap(wrap: Any, at: Sequence[float], size: float) -> None:
-    """Put a wrap elsewhere in its body, of a given size; its directions stay."""
-    wrap.set_translation(import_opensim().Vec3(*at))
-    for kind, lengths in _LENGTHS.items():
-        own = getattr(import_opensim(), kind).safeDownCast(wrap)
-        for name in lengths if own is not None else ():
-            getattr(own, f"set_{name}")(size * getattr(own, f"get_{name}")())
-    ellipsoid = import_opensim().WrapEllipsoid.safeDownCast(wrap)
-    if ellipsoid is not None:
-        ellipsoid.set_dimensions(
-            import_opensim().Vec3(*(size * n for n in list_numbers(ellipsoid.get_dimensions())))
-        )
-
-
 def _load_model(request: Mapping[str, Any]) -> Any:
     file = Path("points.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
@@ -201,11 +203,6 @@ def place_in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
     """The body that a frame is fixed in, and a point of the frame in that body, (3,), m."""
     place = frame.findTransformInBaseFrame()
     return frame.findBaseFrame().getName(), list_numbers(place.shiftFrameStationToBase(at))
-
-
-def _place_surface(mesh: Any) -> tuple[list[float], list[list[float]], list[float]]:
-    """Scale factors of a surface, and its rotation and origin in its body, m."""
-    return list_numbers(mesh.get_scale_factors()), *place_frame(mesh.getFrame())
 
 
 def place_frame(frame: Any) -> tuple[list[list[float]], list[float]]:

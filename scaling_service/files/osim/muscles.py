@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.files.mesh import Mesh, read_mesh
-from scaling_service.files.osim.models import TIME_LIMIT_S, ask
-from scaling_service.model.body import BodyModel, to_vector
+from scaling_service.files.osim import models
+from scaling_service.model import body
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.document import from_document
 from scaling_service.model.muscles import Contact, Muscle, Musculature, PathPoint, WrapSurface
@@ -36,7 +35,7 @@ class MuscleGeometry:
     """Muscle and coordinate to the moment arm, (n_frames,), m; pairs that are always zero are left out."""
 
 
-def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
+def measure_muscles(osim: str, model: body.BodyModel, q: Array) -> MuscleGeometry:
     """Lengths and moment arms over a motion, as OpenSim's muscle analysis has them.
 
     A moment arm is the generalised force of a unit tension at a coordinate, that of coordinates coupled to it
@@ -60,7 +59,7 @@ def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
             for c in model.couplers
         ],
     }
-    answer = ask(request, time_limit_s=TIME_LIMIT_S + _FRAME_S * int(known.sum()))
+    answer = models.ask(request, time_limit_s=models.TIME_LIMIT_S + _FRAME_S * int(known.sum()))
     muscles = tuple(answer["muscles"])
     lengths = _spread(known, np.reshape(answer["lengths"], (-1, len(muscles))))
     arms = {
@@ -70,7 +69,7 @@ def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
     return MuscleGeometry(muscles, lengths, arms)
 
 
-def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
+def read_musculature(osim: str, model: body.BodyModel, q: Array) -> Musculature:
     """The muscles of a model, and what surfaces they touch in some poses.
 
     ``osim``: text of the ``.osim`` file. ``model``: what it holds.
@@ -84,39 +83,43 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
         "text": osim,
         "q": _list_values(model, dict(zip(model.coordinate_names, q.T, strict=True))),
     }
-    answer = ask(request, time_limit_s=TIME_LIMIT_S + _FRAME_S * len(q))
+    answer = models.ask(request, time_limit_s=models.TIME_LIMIT_S + _FRAME_S * len(q))
     moving, names = from_document(answer["model"]), set(answer["movers"])
+    muscles = []
+    for each in answer["muscles"]:
+        points = tuple(PathPoint(**point | {"at": body.to_vector(point["at"])}) for point in each["points"])
+        tuples = {name: tuple(each[name]) for name in ("surfaces", "passive")}
+        muscles.append(Muscle(**{**each, **tuples, "points": points}))
+    surfaces = []
+    for each in answer["surfaces"]:
+        x, y, z = map(body.to_vector, each["axes"])
+        side = None if each["side"] is None else body.to_vector(each["side"])
+        own = {"origin": body.to_vector(each["origin"]), "axes": (x, y, z), "sizes": tuple(each["sizes"])}
+        surfaces.append(WrapSurface(**{**each, **own, "side": side}))
+    places = ("first", "middle", "last")
     return Musculature(
-        muscles=tuple(_make_muscle(each) for each in answer["muscles"]),
-        surfaces=tuple(_make_surface(each) for each in answer["surfaces"]),
+        muscles=tuple(muscles),
+        surfaces=tuple(surfaces),
         movers=tuple(segment for segment in moving.segments if segment.name in names),
         q=q,
         contacts=tuple(
-            tuple(tuple(_make_contact(*found) for found in row) for row in pose)
+            tuple(
+                tuple(
+                    Contact(
+                        surface=surface,
+                        after=after,
+                        **dict(zip(places, map(body.to_vector, at), strict=True)),
+                    )
+                    for surface, after, *at in row
+                )
+                for row in pose
+            )
             for pose in answer["contacts"]
         ),
     )
 
 
-def _make_muscle(found: Mapping[str, Any]) -> Muscle:
-    points = tuple(PathPoint(**point | {"at": to_vector(point["at"])}) for point in found["points"])
-    tuples = {name: tuple(found[name]) for name in ("surfaces", "passive")}
-    return Muscle(**{**found, **tuples, "points": points})
-
-
-def _make_contact(surface: str, after: int, first: Array, middle: Array, last: Array) -> Contact:
-    places = {"first": to_vector(first), "middle": to_vector(middle), "last": to_vector(last)}
-    return Contact(surface=surface, after=after, **places)
-
-
-def _make_surface(found: Mapping[str, Any]) -> WrapSurface:
-    x, y, z = map(to_vector, found["axes"])
-    side = None if found["side"] is None else to_vector(found["side"])
-    own = {"origin": to_vector(found["origin"]), "axes": (x, y, z), "sizes": tuple(found["sizes"])}
-    return WrapSurface(**{**found, **own, "side": side})
-
-
-def _list_values(model: BodyModel, columns: Mapping[str, Array]) -> dict[str, list[float]]:
+def _list_values(model: body.BodyModel, columns: Mapping[str, Array]) -> dict[str, list[float]]:
     """Values of all coordinates, those that follow others included."""
     followed = {c.dependent: evaluate_law_at(c.law, columns[c.independent]) for c in model.couplers}
     return {name: np.asarray(values).tolist() for name, values in {**columns, **followed}.items()}
@@ -168,7 +171,7 @@ def read_attachments(
     Raises DependencyMissing, FileUnreadable, ModelRefused: as for reading a model; FileUnreadable as well
     where a surface is damaged.
     """
-    answer = ask({"operation": "attachments", "file": str(source), "text": osim})
+    answer = models.ask({"operation": "attachments", "file": str(source), "text": osim})
     points = tuple(
         Attachment(muscle, number, segment, np.array(at))
         for muscle, number, segment, at in answer["points"]
@@ -190,13 +193,12 @@ def read_attachments(
         mesh = read_mesh(file)
         vertices = (mesh.vertices * factors) @ np.array(rotation).T + origin
         found.setdefault(segment, []).append(Mesh(vertices, mesh.faces))
-    return points, wraps, Surfaces({segment: _join_meshes(parts) for segment, parts in found.items()}, absent)
-
-
-def _join_meshes(parts: Sequence[Mesh]) -> Bone:
-    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = [part.faces + offset for part, offset in zip(parts, first, strict=False)]
-    return Bone(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    meshes = {}
+    for segment, parts in found.items():
+        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = [part.faces + offset for part, offset in zip(parts, first, strict=False)]
+        meshes[segment] = Bone(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    return points, wraps, Surfaces(meshes, absent)
 
 
 def move_attachments(
@@ -216,16 +218,16 @@ def move_attachments(
         "wraps": [[wrap.segment, wrap.name, wrap.at.tolist(), wrap.size] for wrap in wraps],
         "most": _MOST_CHANGE,
     }
-    answer = ask(request)
+    answer = models.ask(request)
     return answer["text"], tuple(answer["astray"])
 
 
-def set_parameters(osim: str, model: BodyModel, lengths: Mapping[str, Sequence[float]]) -> str:
+def set_parameters(osim: str, model: body.BodyModel, lengths: Mapping[str, Sequence[float]]) -> str:
     """The text of a model with other optimal fibre and tendon slack lengths, m, of some muscles.
 
     Raises as :func:`read_attachments`.
     """
     given = {name: list(own) for name, own in lengths.items()}
     request = {"operation": "muscle parameters", "file": model.source or None, "text": osim, "lengths": given}
-    text: str = ask(request)["text"]
+    text: str = models.ask(request)["text"]
     return text

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.chains import X, Y, Z
+from scaling_service.files.osim import chains, functions, muscle_paths
 from scaling_service.files.osim.constraints import substitute_all
 from scaling_service.files.osim.from_opensim import read_body_model
-from scaling_service.files.osim.functions import Range, read_law, read_number
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
-from scaling_service.files.osim.muscle_paths import Posed, find_path, place_in_body
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
+from scaling_service.model.body import BodyModel, Joint, Segment, Vector, to_vector
 from scaling_service.model.document import to_document
 from scaling_service.model.muscles import Muscle, PathPoint, SurfaceKind, WrapSurface, name_point
 
@@ -28,8 +26,8 @@ _SURFACES: Mapping[str, tuple[SurfaceKind, tuple[str, ...]]] = {
 }
 """Kinds of surfaces, and the properties that are their sizes."""
 
-_SIDES = {"x": X, "y": Y, "z": Z, "+x": X, "+y": Y, "+z": Z} | {
-    f"-{name}": tuple(-n for n in axis) for name, axis in (("x", X), ("y", Y), ("z", Z))
+_SIDES = {"x": chains.X, "y": chains.Y, "z": chains.Z, "+x": chains.X, "+y": chains.Y, "+z": chains.Z} | {
+    f"-{name}": tuple(-n for n in axis) for name, axis in (("x", chains.X), ("y", chains.Y), ("z", chains.Z))
 }
 """Quadrants; ``all`` is no side."""
 
@@ -45,7 +43,7 @@ def describe(request: Mapping[str, Any]) -> dict[str, Any]:
     file.write_text(request["text"], encoding="utf-8")
     osim = load(file)
     own, model = list_items(osim.getMuscles()), read_body_model(osim)
-    paths = [find_path(muscle) for muscle in own]
+    paths = [muscle_paths.find_path(muscle) for muscle in own]
     movers = tuple(_list_movers(osim, own, model))
     surfaces = [
         asdict(_read_surface(wrap, body.getName()))
@@ -56,7 +54,7 @@ def describe(request: Mapping[str, Any]) -> dict[str, Any]:
     moving = replace(model, segments=(*model.segments, *movers), markers=(), constraints=())
     contacts: list[list[list[Any]]] = []
     if any(muscle["surfaces"] for muscle in muscles):
-        posed = Posed(osim, request["q"])
+        posed = muscle_paths.Posed(osim, request["q"])
         for frame in range(len(next(iter(request["q"].values())))):
             posed.take(frame)
             contacts.append([list(_list_contacts(path, posed.state)) for path in paths])
@@ -74,7 +72,7 @@ def _list_movers(osim: Any, muscles: list[Any], model: BodyModel) -> Iterator[Se
     ranges = {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in list_items(osim.getCoordinateSet())}
     follows = {c.dependent: c for c in model.couplers}
     for muscle in muscles:
-        for k, point in enumerate(list_items(find_path(muscle).getPathPointSet())):
+        for k, point in enumerate(list_items(muscle_paths.find_path(muscle).getPathPointSet())):
             moving = import_opensim().MovingPathPoint.safeDownCast(point)
             if moving is None:
                 continue
@@ -84,21 +82,17 @@ def _list_movers(osim: Any, muscles: list[Any], model: BodyModel) -> Iterator[Se
                     field=point.getName(),
                     remedy="Put it into the body",
                 )
-            laws = [substitute_all(law, follows) for law in _read_motion(moving, ranges)]
-            joints = tuple(
-                Joint("translation", to_vector(axis), law)
-                for axis, law in zip((X, Y, Z), laws, strict=True)
-                if law.terms
-            )
+            joints = []
+            for word, axis in zip("xyz", (chains.X, chains.Y, chains.Z), strict=True):
+                function = getattr(moving, f"get_{word}_location")()
+                coordinates = [getattr(moving, f"get{word.upper()}Coordinate")().getName()]
+                law = substitute_all(
+                    functions.read_law(function, coordinates, ranges, moving.getName()), follows
+                )
+                if law.terms:
+                    joints.append(Joint("translation", to_vector(axis), law))
             parent, name = moving.getParentFrame().getName(), name_point(muscle.getName(), k)
-            yield Segment(name=name, parent=parent, joint_name=name, joints=joints)
-
-
-def _read_motion(point: Any, ranges: Mapping[str, Range]) -> Iterator[Law]:
-    for axis in "xyz":
-        function = getattr(point, f"get_{axis}_location")()
-        coordinates = [getattr(point, f"get{axis.upper()}Coordinate")().getName()]
-        yield read_law(function, coordinates, ranges, point.getName())
+            yield Segment(name=name, parent=parent, joint_name=name, joints=tuple(joints))
 
 
 def _read_surface(wrap: Any, segment: str) -> WrapSurface:
@@ -129,7 +123,7 @@ def _read_muscle(muscle: Any, path: Any) -> Muscle:
     wraps = list_items(path.getWrapSet())
 
     def read(name: str, default: float) -> float:
-        return read_number(muscle, name) if muscle.hasProperty(name) else default
+        return functions.read_number(muscle, name) if muscle.hasProperty(name) else default
 
     strain, passive = _read_passive(muscle)
     return Muscle(
@@ -171,7 +165,7 @@ def _read_point(point: Any, name: str) -> PathPoint:
     if library.MovingPathPoint.safeDownCast(point) is not None:
         return PathPoint(name=name, segment=name, at=(0.0, 0.0, 0.0))
     place = library.PathPoint.safeDownCast(point).get_location()
-    segment, at = place_in_body(point.getParentFrame(), place)
+    segment, at = muscle_paths.place_in_body(point.getParentFrame(), place)
     conditional = library.ConditionalPathPoint.safeDownCast(point)
     if conditional is None:
         return PathPoint(name=name, segment=segment, at=to_vector(at))

@@ -14,7 +14,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.documents.subject import HEIGHT_RANGE_M
 from scaling_service.files.tables import read_bytes
-from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
+from scaling_service.model import subject
 
 _DECLARATION = re.compile(r"^[^<]*<\?xml[^>]*\?>")
 _SEPARATORS = re.compile(r"[\[\](),;]")
@@ -74,7 +74,7 @@ def read_body_frames(path: Path) -> dict[str, tuple[str, Array]]:
     return found
 
 
-def read_scale_setup(path: Path) -> ScaleSetup:
+def read_scale_setup(path: Path) -> subject.ScaleSetup:
     """Read an OpenSim scale tool set-up of any version.
 
     ``path``: the set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
@@ -92,16 +92,41 @@ def read_scale_setup(path: Path) -> ScaleSetup:
     mass, height_m = _number(path, tool, "mass", 0.0), 1e-3 * _number(path, tool, "height", -1.0)
     applied = scaler is not None and _is_applied(scaler)
     setup = scaler if scaler is not None and applied else None
-    order = _order(path, setup)
-    return ScaleSetup(
+    order = () if setup is None else tuple(_read_text(setup, "scaling_order").split())
+    for word in order:
+        if setup is not None and word not in _STEPS:
+            steps = ", ".join(_STEPS)
+            raise _explain_bad(path, setup, f"<scaling_order> holds '{word}', which is not one of {steps}")
+    manual: dict[str, tuple[float, float, float]] = {}
+    for item in _list_members(path, setup, "ScaleSet") if "manualScale" in order else ():
+        if _is_applied(item):
+            sizes = _read_numbers(path, item, "scales")
+            if len(sizes) != 3 or not all(size > 0 for size in sizes):
+                raise _explain_bad(path, item, "<scales> must be three positive numbers")
+            manual[_read_text(item, "segment")] = (sizes[0], sizes[1], sizes[2])
+    placer = tool.find("MarkerPlacer")
+    if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
+        placement: subject.MarkerPlacement | None = None
+    else:
+        tasks = placer.find("IKTaskSet")
+        markers, weights, values = (
+            _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
+        )
+        placement = subject.MarkerPlacement(
+            marker_weights=markers,
+            coordinate_weights=weights,
+            coordinate_values=values,
+            time_range=_read_time_range(path, placer),
+        )
+    return subject.ScaleSetup(
         measurements=tuple(_read_measurements(path, setup)) if "measurements" in order else (),
-        manual=_read_manual(path, setup) if setup is not None and "manualScale" in order else {},
+        manual=manual,
         order=order,
         time_range=_read_time_range(path, setup),
         preserve_mass_distribution=setup is not None
         and _read_flag(setup, "preserve_mass_distribution", False),
         mass_kg=mass if applied and mass > 0 else None,
-        placement=_read_placement(path, tool.find("MarkerPlacer")),
+        placement=placement,
         height_m=height_m if HEIGHT_RANGE_M[0] < height_m < HEIGHT_RANGE_M[1] else None,
     )
 
@@ -174,72 +199,25 @@ def _list_objects(holder: Element) -> Iterable[Element]:
     return objects if objects is not None else ()
 
 
-def _order(path: Path, scaler: Element | None) -> tuple[str, ...]:
-    if scaler is None:
-        return ()
-    words = tuple(_read_text(scaler, "scaling_order").split())
-    for word in words:
-        if word not in _STEPS:
-            raise _explain_bad(
-                path, scaler, f"<scaling_order> holds '{word}', which is not one of {', '.join(_STEPS)}"
-            )
-    return words
-
-
-def _read_measurements(path: Path, scaler: Element | None) -> Iterable[Measurement]:
+def _read_measurements(path: Path, scaler: Element | None) -> Iterable[subject.Measurement]:
     for item in _list_members(path, scaler, "MeasurementSet"):
         if not _is_applied(item):
             continue
-        pairs = tuple(_pair(path, pair) for pair in _list_members(path, item, "MarkerPairSet"))
-        axes = {
-            scale.get("name", ""): _read_axes(path, scale)
-            for scale in _list_members(path, item, "BodyScaleSet")
-        }
+        pairs: list[tuple[str, str]] = []
+        for pair in _list_members(path, item, "MarkerPairSet"):
+            words = _read_text(pair, "markers").split()
+            if len(words) != 2:
+                raise _explain_bad(path, pair, f"<markers> must name two markers, not '{' '.join(words)}'")
+            pairs.append((words[0], words[1]))
+        axes = {}
+        for scale in _list_members(path, item, "BodyScaleSet"):
+            letters = _read_text(scale, "axes").upper().replace(" ", "")
+            if not letters or set(letters) - set(_AXES):
+                said = _read_text(scale, "axes")
+                raise _explain_bad(path, scale, f"<axes> must be among X, Y, Z, not '{said}'")
+            axes[scale.get("name", "")] = "".join(axis for axis in _AXES if axis in letters)
         if pairs and axes:
-            yield Measurement(item.get("name", ""), pairs, axes)
-
-
-def _pair(path: Path, element: Element) -> tuple[str, str]:
-    words = _read_text(element, "markers").split()
-    if len(words) != 2:
-        raise _explain_bad(path, element, f"<markers> must name two markers, not '{' '.join(words)}'")
-    return words[0], words[1]
-
-
-def _read_axes(path: Path, element: Element) -> str:
-    words = _read_text(element, "axes").upper().replace(" ", "")
-    if not words or set(words) - set(_AXES):
-        raise _explain_bad(
-            path, element, f"<axes> must be among X, Y, Z, not '{_read_text(element, 'axes')}'"
-        )
-    return "".join(axis for axis in _AXES if axis in words)
-
-
-def _read_manual(path: Path, scaler: Element) -> dict[str, tuple[float, float, float]]:
-    factors = {}
-    for item in _list_members(path, scaler, "ScaleSet"):
-        if not _is_applied(item):
-            continue
-        values = _read_numbers(path, item, "scales")
-        if len(values) != 3 or not all(v > 0 for v in values):
-            raise _explain_bad(path, item, "<scales> must be three positive numbers")
-        factors[_read_text(item, "segment")] = (values[0], values[1], values[2])
-    return factors
-
-
-def _read_placement(path: Path, placer: Element | None) -> MarkerPlacement | None:
-    if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
-        return None
-    tasks = placer.find("IKTaskSet")
-    markers, weights, values = (
-        _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
-    )
-    return MarkerPlacement(
-        marker_weights=markers,
-        coordinate_weights=weights,
-        coordinate_values=values,
-        time_range=_read_time_range(path, placer),
-    )
+            yield subject.Measurement(item.get("name", ""), tuple(pairs), axes)
 
 
 def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:
@@ -256,19 +234,14 @@ def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str,
             markers[name] = weight
         elif item.tag == "IKCoordinateTask":
             coordinates[name] = weight
-            values.update(_read_fixed_value(path, item, name))
+            kind = _read_text(item, "value_type") or "default_value"
+            if kind == "manual_value":
+                values[name] = _number(path, item, "value", 0.0)
+            elif kind != "default_value":
+                raise FileUnreadable(
+                    f"the task takes its value by '{kind}', which is not supported",
+                    file=path,
+                    field=name,
+                    remedy="Use default_value or manual_value, or switch the task off",
+                )
     return markers, coordinates, values
-
-
-def _read_fixed_value(path: Path, task: Element, name: str) -> dict[str, float]:
-    kind = _read_text(task, "value_type") or "default_value"
-    if kind == "default_value":
-        return {}
-    if kind == "manual_value":
-        return {name: _number(path, task, "value", 0.0)}
-    raise FileUnreadable(
-        f"the task takes its value by '{kind}', which is not supported",
-        file=path,
-        field=name,
-        remedy="Use default_value or manual_value, or switch the task off",
-    )

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable, ModelRefused
-from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
+from scaling_service.files.osim import checks, from_opensim
 from scaling_service.files.osim.constraints import list_ends
 from scaling_service.files.osim.digits import restore_digits
-from scaling_service.files.osim.from_opensim import is_pure, name_copy, read_body_model
 from scaling_service.files.osim.functions import make_function
 from scaling_service.files.osim.joints import CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import (
@@ -26,7 +25,7 @@ from scaling_service.files.osim.library import (
     put_back,
     shorten_message,
 )
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
+from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
@@ -36,7 +35,7 @@ _PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint
 
 def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     """The text of an ``.osim`` file; see ``models.write_osim`` for what is asked and refused."""
-    check_writable(model)
+    checks.check_writable(model)
     osim = _amend_model(model, request) if request["file"] is not None else _build_model(model)
     # Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay.
     laws = [*(joint.law for _, joint in model.joints()), *(c.law for c in model.constraints)]
@@ -46,7 +45,7 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
         if item.name not in used:
             continue
         if not present.contains(item.name):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"the OpenSim model has no coordinate '{item.name}'",
                 field=item.name,
                 remedy="Write the model without a source, or without the added degree of freedom",
@@ -59,9 +58,21 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
         coordinate.setDefaultValue(item.default)
         coordinate.setDefaultClamped(item.clamped)
         coordinate.setDefaultLocked(item.locked)
-    _set_markers(osim, model.markers)
-    osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
-    check_same(model, _write_and_check(osim, model))
+    # Exactly these markers, in this order
+    library = import_opensim()
+    osim.updMarkerSet().clearAndDestroy()
+    for own in model.markers:
+        if own.segment != GROUND and not osim.getBodySet().contains(own.segment):
+            raise errors.ModelRefused(
+                f"marker '{own.name}' sits on '{own.segment}', which the OpenSim model lacks",
+                field=own.name,
+                remedy="Use the names of the model's bodies",
+            )
+        marker = library.Marker(own.name, _make_body(osim, own.segment), library.Vec3(*own.nominal))
+        marker.set_fixed(own.anatomical)
+        _give(osim.addMarker, marker)
+    osim.setName(re.sub(f"[{re.escape(checks.FORBIDDEN)}]", "_", model.name) or "model")
+    checks.check_same(model, _write_and_check(osim, model))
     text = Path(_WRITTEN).read_text(encoding="utf-8")
     return text if request["file"] is None else put_back(text, Path(request["file"]))
 
@@ -74,13 +85,13 @@ def _write_and_check(osim: Any, model: BodyModel) -> BodyModel:
         osim.printToXML(_WRITTEN)
         written.write_text(restore_digits(written.read_text(encoding="utf-8"), model), encoding="utf-8")
     except RuntimeError as error:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"OpenSim cannot write the model ({shorten_message(error)})", remedy="Check the model in OpenSim"
         ) from error
     try:
-        return read_body_model(load(written))
-    except FileUnreadable as error:
-        raise ModelRefused(
+        return from_opensim.read_body_model(load(written))
+    except errors.FileUnreadable as error:
+        raise errors.ModelRefused(
             f"OpenSim does not read back what it wrote: {error.problem}",
             remedy="Check names, masses and inertias of the model",
         ) from error
@@ -104,7 +115,7 @@ def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
         copies = _list_copies(osim)
         for segment in (s for s in model.segments if s.name not in copies):
             if not osim.getBodySet().contains(segment.name):
-                raise ModelRefused(
+                raise errors.ModelRefused(
                     f"the source model has no body '{segment.name}'",
                     field=segment.name,
                     remedy="Write the model without a source",
@@ -121,7 +132,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         if segment in copies:
             continue
         if not model.getBodySet().contains(segment):
-            raise ModelRefused(
+            raise errors.ModelRefused(
                 f"there is a scale factor for '{segment}', which the model does not have",
                 field=segment,
                 remedy="Use the names of the model's bodies",
@@ -131,11 +142,25 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         scale.setScaleFactors(library.Vec3(*xyz))
         scale.setApply(True)
         scales.cloneAndAppend(scale)
-    oblique, ends = _list_oblique_translations(model), list_ends(model)
+    # Custom joints' translations along axes that OpenSim does not scale component by component
+    oblique = []
+    cast = import_opensim().CustomJoint.safeDownCast
+    customs = (cast(joint) for joint in list_items(model.getJointSet()))
+    for joint in (custom for custom in customs if custom is not None):
+        for number in (3, 4, 5):
+            axis = joint.getSpatialTransform().getTransformAxis(number)
+            if from_opensim.is_pure(axis.getFunction()) or sorted(
+                map(abs, list_numbers(axis.get_axis()))
+            ) == [0.0, 0.0, 1.0]:
+                continue
+            multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
+            gain = multiplier.getScale() if multiplier is not None else 1.0
+            oblique.append((joint.getName(), number, gain))
+    ends = list_ends(model)
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"OpenSim cannot scale the model ({shorten_message(error)})",
             remedy="Check the model in OpenSim's scale tool",
         ) from error
@@ -151,30 +176,7 @@ def _list_copies(model: Any) -> set[str]:
     """What copies of bodies would be called that joints carry in loops."""
     joints = list_items(model.getJointSet())
     ends = ((j.getName(), f.findBaseFrame()) for j in joints for f in (j.getParentFrame(), j.getChildFrame()))
-    return {name_copy(body.getName(), joint) for joint, body in ends}
-
-
-def _list_custom_joints(model: Any) -> list[Any]:
-    cast = import_opensim().CustomJoint.safeDownCast
-    return [custom for joint in list_items(model.getJointSet()) if (custom := cast(joint)) is not None]
-
-
-def _list_oblique_translations(model: Any) -> list[tuple[str, int, float]]:
-    """Custom joints' translations along axes that OpenSim does not scale component by component."""
-    found = []
-    for joint in _list_custom_joints(model):
-        for number in (3, 4, 5):
-            axis = joint.getSpatialTransform().getTransformAxis(number)
-            if is_pure(axis.getFunction()) or sorted(map(abs, list_numbers(axis.get_axis()))) == [
-                0.0,
-                0.0,
-                1.0,
-            ]:
-                continue
-            multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
-            gain = multiplier.getScale() if multiplier is not None else 1.0
-            found.append((joint.getName(), number, gain))
-    return found
+    return {from_opensim.name_copy(body.getName(), joint) for joint, body in ends}
 
 
 def _scale_componentwise(
@@ -223,7 +225,7 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
     """Turn a joint's rotation axes in the parent's joint frame."""
     library = import_opensim()
     if not model.getJointSet().contains(name):
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"there is an axis tilt for '{name}', which the model does not have",
             field=name,
             remedy="Use the names of the model's joints",
@@ -245,31 +247,27 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
                 turned = turn @ list_numbers(axis.get_axis())
                 axis.setAxis(_to_vec3(turned))
     elif joint.getConcreteClassName() in _PURE_TURNS:
-        _insert_turned_frames(joint, turn)
+        # Both joint frames turned alike: frames within the present ones, so that others keep theirs.
+        for end, frame, connect in (
+            ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
+            ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
+        ):
+            turned = import_opensim().PhysicalOffsetFrame(frame, import_opensim().Transform())
+            turned.setName(f"{joint.getName()}_tilted_{end}")
+            turned.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
+            joint.addFrame(turned)
+            turned.thisown = False  # the joint deletes it
+            connect(turned)
     else:
         raise _refuse_without_axis(name, joint.getConcreteClassName())
 
 
-def _refuse_without_axis(name: str, kind: str) -> ModelRefused:
-    return ModelRefused(
+def _refuse_without_axis(name: str, kind: str) -> errors.ModelRefused:
+    return errors.ModelRefused(
         f"joint '{name}', a {kind}, has no rotation axis that can be tilted",
         field=name,
         remedy="Tilt a PinJoint, UniversalJoint, GimbalJoint, BallJoint or CustomJoint",
     )
-
-
-def _insert_turned_frames(joint: Any, turn: Array) -> None:
-    """Both joint frames turned alike: frames within the present ones, so that others keep theirs."""
-    for end, frame, connect in (
-        ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
-        ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
-    ):
-        turned = import_opensim().PhysicalOffsetFrame(frame, import_opensim().Transform())
-        turned.setName(f"{joint.getName()}_tilted_{end}")
-        turned.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
-        joint.addFrame(turned)
-        turned.thisown = False  # the joint deletes it
-        connect(turned)
 
 
 def _to_euler_xyz(r: Array) -> tuple[float, float, float]:
@@ -290,22 +288,6 @@ def _set_inertia(body: Any, segment: Segment) -> None:
 def _open_end(coordinate: Coordinate) -> float:
     """What stands for infinity (rad or m): OpenSim's own default where the range does not bind."""
     return 1000.0 if coordinate.clamped else 10.0  # chosen: 1000 is beyond any laboratory
-
-
-def _set_markers(osim: Any, markers: Sequence[Marker]) -> None:
-    """Exactly these markers, in this order."""
-    library = import_opensim()
-    osim.updMarkerSet().clearAndDestroy()
-    for item in markers:
-        if item.segment != GROUND and not osim.getBodySet().contains(item.segment):
-            raise ModelRefused(
-                f"marker '{item.name}' sits on '{item.segment}', which the OpenSim model lacks",
-                field=item.name,
-                remedy="Use the names of the model's bodies",
-            )
-        marker = library.Marker(item.name, _make_body(osim, item.segment), library.Vec3(*item.nominal))
-        marker.set_fixed(item.anatomical)
-        _give(osim.addMarker, marker)
 
 
 def _make_body(osim: Any, name: str) -> Any:
@@ -340,7 +322,7 @@ def _build_model(model: BodyModel) -> Any:
     try:
         osim.finalizeConnections()
     except RuntimeError as error:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"OpenSim does not accept the model ({shorten_message(error)})",
             remedy="Check masses, inertias and joint axes",
         ) from error

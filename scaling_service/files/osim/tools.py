@@ -83,7 +83,15 @@ def trace(request: dict[str, Any]) -> dict[str, Any]:
     osim = import_opensim()
     model = osim.Model(request["file"])
     state = model.initSystem()
-    times, columns = _read(osim, model, request["motion"]) if request["motion"] else ([0.0], {})
+    times, columns = [0.0], {}
+    if request["motion"]:  # OpenSim's older Storage would stop at the first row with a NaN
+        table = osim.TimeSeriesTable(request["motion"])
+        if table.hasTableMetaDataKey("inDegrees") and table.getTableMetaDataString("inDegrees") == "yes":
+            model.getSimbodyEngine().convertDegreesToRadians(table)
+        times = list(table.getIndependentColumn())
+        for label in table.getColumnLabels():
+            name = label.split("/")[-2] if label.endswith("/value") else label
+            columns[name] = table.getDependentColumn(label).to_numpy().tolist()
     every = [model.getCoordinateSet().get(k) for k in range(model.getCoordinateSet().getSize())]
     joints = [model.getJointSet().get(k) for k in range(model.getJointSet().getSize())]
     bodies = [model.getBodySet().get(k) for k in range(model.getBodySet().getSize())]
@@ -110,14 +118,3 @@ def trace(request: dict[str, Any]) -> dict[str, Any]:
 
 def _add(found: dict[str, Any], name: str, vector: Any) -> None:
     found.setdefault(name, []).append([vector.get(k) for k in range(3)])
-
-
-def _read(osim: Any, model: Any, motion: str) -> tuple[list[float], dict[str, list[float]]]:
-    """Times and columns, rad and m; OpenSim's older Storage would stop at the first row with a NaN."""
-    table = osim.TimeSeriesTable(motion)
-    if table.hasTableMetaDataKey("inDegrees") and table.getTableMetaDataString("inDegrees") == "yes":
-        model.getSimbodyEngine().convertDegreesToRadians(table)
-    labels = list(table.getColumnLabels())
-    names = [label.split("/")[-2] if label.endswith("/value") else label for label in labels]
-    columns = [table.getDependentColumn(label).to_numpy().tolist() for label in labels]
-    return list(table.getIndependentColumn()), dict(zip(names, columns, strict=True))

@@ -9,54 +9,50 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from scaling_service.core.errors import InputError
+from scaling_service.files.osim import library, muscle_paths, tools
 from scaling_service.files.osim.from_opensim import read_body_model
-from scaling_service.files.osim.library import list_unknown, load
-from scaling_service.files.osim.muscle_paths import list_points, measure, move_points, set_lengths
 from scaling_service.files.osim.musculature import describe
 from scaling_service.files.osim.to_opensim import write
-from scaling_service.files.osim.tools import scale, trace, track
-from scaling_service.model.document import from_document, to_document
+from scaling_service.model import document
 
 
 def _read(request: dict[str, Any]) -> dict[str, Any]:
     path = Path(request["file"])
-    model = read_body_model(load(path, request["marker_set"]))
-    unknown = list_unknown(path)
+    model = read_body_model(library.load(path, request["marker_set"]))
+    unknown = library.list_unknown(path)
     if unknown:
         names = ", ".join(f"{name} ({kind})" for name, kind in unknown)
         said = f"passed by, for OpenSim does not know them and motion does not need them: {names}"
         model = replace(model, notes=(*model.notes, said))
-    return {"model": to_document(model)}
+    return {"model": document.to_document(model)}
 
 
 def _write(request: dict[str, Any]) -> dict[str, Any]:
-    return {"text": write(from_document(request["model"]), request)}
-
-
-OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
-    "read": _read,
-    "write": _write,
-    "muscles": measure,
-    "musculature": describe,
-    "attachments": list_points,
-    "move attachments": move_points,
-    "muscle parameters": set_lengths,
-    "scale": scale,
-    "track": track,
-    "trace": trace,
-}
+    return {"text": write(document.from_document(request["model"]), request)}
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
     """Carry out a request; an error a user can act on becomes part of the answer."""
+    operations: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+        "read": _read,
+        "write": _write,
+        "muscles": muscle_paths.measure,
+        "musculature": describe,
+        "attachments": muscle_paths.list_points,
+        "move attachments": muscle_paths.move_points,
+        "muscle parameters": muscle_paths.set_lengths,
+        "scale": tools.scale,
+        "track": tools.track,
+        "trace": tools.trace,
+    }
     try:
-        return OPERATIONS[request["operation"]](request)
+        return operations[request["operation"]](request)
     except InputError as error:
         described = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
         return {"error": {"kind": type(error).__name__, **described}}

@@ -19,8 +19,8 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.model import reference
 from scaling_service.model.inertia import Sex
-from scaling_service.model.reference import find_reference_folder, read_reference
 
 GROWING_YEARS = (14.0, 18.0)
 """Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
@@ -161,7 +161,14 @@ def predict_dimensions(
         whole, of_sizes = _with_lengths(body, one, child).weigh(measured)
         parts.append(whole)
         scores.append(np.log(weight) + of_body + of_sizes)
-    return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
+    # The Gaussian with the mean and covariance of the mixture
+    weights = np.exp(np.array(scores) - max(scores))
+    weights = weights / weights.sum()
+    means = np.array([part.mean for part in parts])
+    mean = weights @ means
+    apart = np.sqrt(weights)[:, None] * (means - mean)
+    within = sum(w * part.covariance for w, part in zip(weights, parts, strict=True))
+    return DimensionPrior(parts[0].names, mean, within + apart.T @ apart)
 
 
 def read_soldiers(sex: Sex) -> DimensionPrior:
@@ -261,21 +268,11 @@ def _open_sides() -> tuple[tuple[str, ...], Array, Array]:
     return tuple(names), np.array(copies), np.array(unlike)
 
 
-def _match_moments(parts: list[DimensionPrior], weights: Array) -> DimensionPrior:
-    """The Gaussian with the mean and covariance of a mixture."""
-    weights = weights / weights.sum()
-    means = np.array([part.mean for part in parts])
-    mean = weights @ means
-    apart = np.sqrt(weights)[:, None] * (means - mean)
-    within = sum(w * part.covariance for w, part in zip(weights, parts, strict=True))
-    return DimensionPrior(parts[0].names, mean, within + apart.T @ apart)
-
-
 @cache
 def _read_statistics() -> Any:
-    return read_reference(find_reference_folder() / "anthropometry_ansur2.yaml")
+    return reference.read_reference(reference.find_reference_folder() / "anthropometry_ansur2.yaml")
 
 
 @cache
 def _read_rules() -> Any:
-    return read_reference(find_reference_folder() / "anthropometry_lengths.yaml")
+    return reference.read_reference(reference.find_reference_folder() / "anthropometry_lengths.yaml")

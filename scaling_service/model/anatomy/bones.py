@@ -13,9 +13,8 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.notes import Note
 from scaling_service.documents.subject import BoneName
-from scaling_service.model.anatomy.lengths import find_segment, list_chain
-from scaling_service.model.body import GROUND, BodyModel, Segment
-from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames, pose_neutral_markers
+from scaling_service.model import body, poses
+from scaling_service.model.anatomy import lengths
 
 BONES: tuple[str, ...] = get_args(BoneName)
 """Bones of the pelvis and the legs, by the names of OpenSim's bodies."""
@@ -31,14 +30,27 @@ _LONG = 0.25  # chosen: least share of a leg that a long bone has; thigh and sha
 _ONE_FOOT_M = 0.07  # chosen: the subtalar joint lies 20 to 45 mm from the ankle, the toes' 100 and more
 
 
-def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, tuple[Note, ...]]:
+def assign_bones(model: body.BodyModel, said: Mapping[str, str]) -> tuple[body.BodyModel, tuple[Note, ...]]:
     """The model with its bones stated where its segments' names do not say them, and a note on each of these.
 
     ``said``: bone to the segment that a person names for it. Without that, names count; where they leave out
     a femur, the tree of the joints is looked at.
     Raises SubjectInvalid: there is no such segment, or it is named for two bones.
     """
-    _check_said(model, said)
+    for bone, segment in said.items():
+        if segment not in model.segment_names:
+            raise SubjectInvalid(
+                f"the model has no segment '{segment}'",
+                field=f"bone_bodies.{bone}",
+                remedy=f"Its segments are {', '.join(model.segment_names)}",
+            )
+        others = {other for other, name in said.items() if name == segment} - {bone}
+        if others and not {bone[:5], *(other[:5] for other in others)} <= {"talus", "calcn"}:
+            raise SubjectInvalid(
+                f"'{segment}' is named for {min(others)} as well",
+                field=f"bone_bodies.{bone}",
+                remedy="Name each segment for one bone; only talus and calcn may be one",
+            )
     named = {
         bone: name for bone in BONES if bone not in said and (name := find_body(model, bone)) is not None
     }
@@ -65,30 +77,15 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
     return replace(model, bones=tuple(stated.items())) if stated else model, tuple(notes)
 
 
-def _check_said(model: BodyModel, said: Mapping[str, str]) -> None:
-    for bone, segment in said.items():
-        if segment not in model.segment_names:
-            raise SubjectInvalid(
-                f"the model has no segment '{segment}'",
-                field=f"bone_bodies.{bone}",
-                remedy=f"Its segments are {', '.join(model.segment_names)}",
-            )
-        others = {other for other, name in said.items() if name == segment} - {bone}
-        if others and not {bone[:5], *(other[:5] for other in others)} <= {"talus", "calcn"}:
-            raise SubjectInvalid(
-                f"'{segment}' is named for {min(others)} as well",
-                field=f"bone_bodies.{bone}",
-                remedy="Name each segment for one bone; only talus and calcn may be one",
-            )
-
-
-def find_body(model: BodyModel, bone: str) -> str | None:
+def find_body(model: body.BodyModel, bone: str) -> str | None:
     """The segment that one of :data:`BONES` belongs to, None if the model has none."""
     kind, _, side = bone.partition("_")
-    return None if bone not in BONES else find_segment(model, "foot" if kind == "talus" else kind, side)
+    return (
+        None if bone not in BONES else lengths.find_segment(model, "foot" if kind == "talus" else kind, side)
+    )
 
 
-def find_bones_by_tree(model: BodyModel) -> dict[str, str]:
+def find_bones_by_tree(model: body.BodyModel) -> dict[str, str]:
     """Bones of the legs and the pelvis by how the model's joints hang on one another, whatever their names.
 
     A leg has two long stretches between joints that turn, thigh and shank, and below them a foot that points
@@ -108,16 +105,16 @@ def find_bones_by_tree(model: BodyModel) -> dict[str, str]:
     return found
 
 
-def find_rightward(model: BodyModel) -> Array | None:
+def find_rightward(model: body.BodyModel) -> Array | None:
     """To the right in the neutral pose by the model's legs and feet, (3,), of length 1; None without."""
     legs = _find_legs(model)
     return _point_right(legs) if legs else None
 
 
-def _find_legs(model: BodyModel) -> tuple[_Leg, ...]:
+def _find_legs(model: body.BodyModel) -> tuple[_Leg, ...]:
     parents = {segment.parent for segment in model.segments}
     tips = [segment.name for segment in model.segments if segment.name not in parents]
-    chains = [[segment.name for segment in list_chain(model, GROUND, tip)] for tip in tips]
+    chains = [[segment.name for segment in lengths.list_chain(model, body.GROUND, tip)] for tip in tips]
     pairs = [pair for one, other in combinations(chains, 2) if (pair := _pair_legs(model, one, other))]
     alone = [(leg,) for chain in chains if (leg := _read_leg(model, chain[0], chain[1:]))]
     return max(pairs or alone, key=lambda legs: legs[0].length, default=())
@@ -146,7 +143,7 @@ class _Leg:
         return self.thigh + self.shank
 
 
-def _pair_legs(model: BodyModel, one: list[str], other: list[str]) -> tuple[_Leg, ...]:
+def _pair_legs(model: body.BodyModel, one: list[str], other: list[str]) -> tuple[_Leg, ...]:
     """The legs that two chains from the root are; none where one is not as the other, or far from it."""
     shared = [name for name in one if name in other]
     if not shared:
@@ -162,7 +159,7 @@ def _pair_legs(model: BodyModel, one: list[str], other: list[str]) -> tuple[_Leg
     return (first, second) if alike and near else ()
 
 
-def _read_leg(model: BodyModel, pelvis: str, chain: list[str]) -> _Leg | None:
+def _read_leg(model: body.BodyModel, pelvis: str, chain: list[str]) -> _Leg | None:
     """Thigh, shank, talus and heel of a chain below the pelvis; None where it is no leg."""
     places = dict(_list_turning_places(model, chain))
     names, at = list(places), np.array(list(places.values())).reshape(-1, 3)
@@ -190,9 +187,9 @@ def _read_leg(model: BodyModel, pelvis: str, chain: list[str]) -> _Leg | None:
     )
 
 
-def _list_points(model: BodyModel, segments: Sequence[str]) -> Iterator[Array]:
+def _list_points(model: body.BodyModel, segments: Sequence[str]) -> Iterator[Array]:
     """Where segments turn and have their mass and markers in the neutral pose, (3,) m."""
-    frames, markers = pose_neutral_frames(model), pose_neutral_markers(model)
+    frames, markers = poses.pose_neutral_frames(model), poses.pose_neutral_markers(model)
     yield from dict(_list_turning_places(model, segments)).values()
     for segment in map(model.segment, segments):
         if segment.mass > 0.0:
@@ -201,15 +198,11 @@ def _list_points(model: BodyModel, segments: Sequence[str]) -> Iterator[Array]:
     yield from (markers[m.name] for m in model.markers if m.segment in segments)
 
 
-def _list_turning_places(model: BodyModel, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
+def _list_turning_places(model: body.BodyModel, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
     """The segments of a chain that turn against their parents, and where, (3,) m, in the neutral pose."""
-    frames, values = pose_neutral_frames(model), list_model_values(model)
+    frames, values = poses.pose_neutral_frames(model), poses.list_model_values(model)
     for segment in map(model.segment, names):
-        first = _find_first_turn(segment)
+        turns = (k for k, j in enumerate(segment.joints) if j.turns)
+        first = next(turns, None)
         if first is not None:
-            yield segment.name, follow(segment.joints[:first], values, frames[segment.parent])[1]
-
-
-def _find_first_turn(segment: Segment) -> int | None:
-    turns = (k for k, j in enumerate(segment.joints) if j.turns)
-    return next(turns, None)
+            yield segment.name, poses.follow(segment.joints[:first], values, frames[segment.parent])[1]

@@ -16,8 +16,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
-from scaling_service.model.anatomy.hip_centre import predict_hip_centres, solve_chord_centre
+from scaling_service.model.anatomy import frames, hip_centre
 from scaling_service.model.anatomy.marker_sets import find_plane_marker
 
 Vector = tuple[float, float, float]
@@ -175,9 +174,9 @@ class Pelvis:
     source: str
 
     @property
-    def frame(self) -> Frames:
+    def frame(self) -> frames.Frames:
         """Origin half-way between the ASIS (Wu 2002 but for the origin)."""
-        return build_pelvis_frame(self.rasis, self.lasis, self.back, self.back)
+        return frames.build_pelvis_frame(self.rasis, self.lasis, self.back, self.back)
 
 
 def with_mirrored_psis(points: Points) -> Points:
@@ -241,14 +240,25 @@ def construct_centres(
     axes = None if pelvis is None else pelvis.frame.rotation
 
     def keep(name: str, centre: Centre | None) -> None:
+        offset = (errors or {}).get(name)
+        if centre is not None and offset is not None:
+            offset = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
+            centre = replace(centre, at=centre.at + offset)
         if centre is not None:
-            found[name] = _shift_centre(centre, (errors or {}).get(name), axes)
+            found[name] = centre
 
     for name, centre in tuple(found.items()):
         keep(name, centre)
     for joint in _JOINTS:
         for side in SIDES:
-            middle = _construct_middle(points, joint, side)
+            # Half-way between a joint's lateral and medial landmark
+            _, lateral, medial = _JOINTS[joint]
+            ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
+            if ends[0] is None or ends[1] is None or not _is_ever_known(ends[0] + ends[1]):
+                middle = None
+            else:
+                how = "the middle of its lateral and medial marker"
+                middle = Centre((ends[0] + ends[1]) / 2.0, how, (JOINT_SD_M,) * 3, "middle")
             chord = _construct_chord(points, found, sizes, joint, side, axes)
             keep(f"{joint}_{side}", middle or chord)
             if joint == "ankle" and middle is not None:
@@ -256,15 +266,8 @@ def construct_centres(
     return found
 
 
-def _shift_centre(centre: Centre, offset: Array | None, axes: Array | None) -> Centre:
-    if offset is None:
-        return centre
-    turned = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
-    return replace(centre, at=centre.at + turned)
-
-
 def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre]:
-    found = predict_hip_centres(
+    found = hip_centre.predict_hip_centres(
         pelvis.rasis,
         pelvis.lasis,
         pelvis.back,
@@ -284,16 +287,6 @@ def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[s
     }
 
 
-def _construct_middle(points: Points, joint: Joint, side: Side) -> Centre | None:
-    """Half-way between a joint's lateral and medial landmark."""
-    _, lateral, medial = _JOINTS[joint]
-    ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
-    if ends[0] is None or ends[1] is None or not _is_ever_known(ends[0] + ends[1]):
-        return None
-    how = "the middle of its lateral and medial marker"
-    return Centre((ends[0] + ends[1]) / 2.0, how, (JOINT_SD_M,) * 3, "middle")
-
-
 def _construct_chord(
     points: Points,
     found: Mapping[str, Centre],
@@ -307,14 +300,20 @@ def _construct_chord(
     outer = points.get(f"{side.upper()}{lateral}")
     start = found.get(f"{above}_{side}")
     width = sizes.widths.get(f"{joint}_{side}")
-    outward = _find_outward(points, found, joint, side, axes)
+    # Where a joint's lateral side is, (n_frames, 3): a knee's as the pelvis', an ankle's as the knee's.
+    if joint == "ankle" and f"knee_{side}" in found and f"{side.upper()}LFE" in points:
+        outward = np.asarray(points[f"{side.upper()}LFE"] - found[f"knee_{side}"].at)
+    elif axes is None:
+        outward = None
+    else:
+        outward = np.asarray(axes[:, :, 2] * (1.0 if side == "r" else -1.0))
     if outer is None or start is None or width is None or outward is None:
         return None
     plane, how = outer + outward, "across from the pelvis" if joint == "knee" else "across from the knee"
     label = find_plane_marker(tuple(points), joint, side)
     if label is not None and _is_plane_marker(start.at, outer, points[label], outward):
         plane, how = points[label], f"in the plane of {label}"
-    at = solve_chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
+    at = hip_centre.solve_chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
     if joint == "ankle":
         at = lift_ankle(at, start.at)
     source = f"half its width from the lateral marker, {how}"
@@ -325,17 +324,6 @@ def lift_ankle(found: Array, knee: Array) -> Array:
     """The ankle's centre from where the chord construction finds it at the lateral malleolus' level."""
     along = knee - found
     return np.asarray(found + MALLEOLUS_DROP_M * along / np.linalg.norm(along, axis=1, keepdims=True))
-
-
-def _find_outward(
-    points: Points, found: Mapping[str, Centre], joint: str, side: str, axes: Array | None
-) -> Array | None:
-    """Where a joint's lateral side is, (n_frames, 3): a knee's as the pelvis', an ankle's as the knee's."""
-    if joint == "ankle" and f"knee_{side}" in found and f"{side.upper()}LFE" in points:
-        return np.asarray(points[f"{side.upper()}LFE"] - found[f"knee_{side}"].at)
-    if axes is None:
-        return None
-    return np.asarray(axes[:, :, 2] * (1.0 if side == "r" else -1.0))
 
 
 def _is_plane_marker(start: Array, lateral: Array, wand: Array, outward: Array) -> bool:

@@ -207,18 +207,37 @@ def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike =
         if all(name in points for name in names)
         else None
     )
-    thigh = _build_thigh(points, letter, side)
+    thigh = None
+    if all(f"{letter}{name}" in points for name in ("HJC", "KJC", "LFE")):
+        hip, knee, lateral = (np.atleast_2d(points[f"{letter}{name}"]) for name in ("HJC", "KJC", "LFE"))
+        thigh = build_femur_frame(hip, lateral, 2.0 * knee - lateral, side)
     shank_at_ankle = _build_shank(points, letter, side, "LM")
     shank = _build_shank(points, letter, side, "KAX") or shank_at_ankle
-    foot = _find_foot(points, letter)
+    # From heel to toe, (n_frames, 3)
+    heel, toe = f"{letter}HEE", f"{letter}TOE"
+    if heel not in points or toe not in points:
+        foot = None
+    else:
+        foot = np.asarray(np.atleast_2d(points[toe]) - np.atleast_2d(points[heel]))
     if pelvis is not None:
-        found |= zip(PELVIS, _sign_pelvis_angles(pelvis, side, heading).T, strict=True)
+        rotation, right_down, backward = compute_pelvis_angles(pelvis).T
+        own = 1.0 if side == "r" else -1.0
+        found |= zip(
+            PELVIS,
+            np.column_stack(
+                [-backward, -own * right_down, own * _wrap_half_turn(rotation - np.asarray(heading))]
+            ).T,
+            strict=True,
+        )
     if pelvis is not None and thigh is not None:
         found |= zip(HIP, compute_hip_angles(pelvis, thigh, side).T, strict=True)
     if thigh is not None and shank is not None:
         found |= zip(KNEE, compute_knee_angles(thigh, shank, side).T, strict=True)
     if foot is not None and shank_at_ankle is not None:
-        found |= zip(ANKLE, _compute_ankle_angles(shank_at_ankle, foot, side).T, strict=True)
+        # Dorsiflexion, and inward rotation after it, of a foot that is a line
+        forward, up, right = np.einsum("nji,nj->in", shank_at_ankle.rotation, foot)
+        turned = np.arctan2(right, np.hypot(forward, up))
+        found |= zip(ANKLE, (np.arctan2(up, forward), -turned if side == "r" else turned), strict=True)
     if foot is not None:
         inward = 1.0 if side == "r" else -1.0
         found[FOOT[0]] = inward * _wrap_half_turn(np.arctan2(-foot[:, 2], foot[:, 0]) - np.asarray(heading))
@@ -231,43 +250,12 @@ def level_heel(points: Points, side: Side) -> Array:
     return np.column_stack([heel[:, 0], toe[:, 1], heel[:, 2]])
 
 
-def _build_thigh(points: Points, letter: str, side: Side) -> Frames | None:
-    names = [f"{letter}{name}" for name in ("HJC", "KJC", "LFE")]
-    if not all(name in points for name in names):
-        return None
-    hip, knee, lateral = (np.atleast_2d(points[name]) for name in names)
-    return build_femur_frame(hip, lateral, 2.0 * knee - lateral, side)
-
-
 def _build_shank(points: Points, letter: str, side: Side, lateral: str) -> Frames | None:
     names = [f"{letter}{name}" for name in ("KJC", "AJC", lateral)]
     if not all(name in points for name in names):
         return None
     knee, ankle, beside = (np.atleast_2d(points[name]) for name in names)
     return build_tibia_frame(knee, ankle, beside, ankle, side)
-
-
-def _find_foot(points: Points, letter: str) -> Array | None:
-    """From heel to toe, (n_frames, 3)."""
-    heel, toe = f"{letter}HEE", f"{letter}TOE"
-    if heel not in points or toe not in points:
-        return None
-    return np.asarray(np.atleast_2d(points[toe]) - np.atleast_2d(points[heel]))
-
-
-def _sign_pelvis_angles(pelvis: Frames, side: Side, heading: ArrayLike) -> Array:
-    rotation, right_down, backward = compute_pelvis_angles(pelvis).T
-    own = 1.0 if side == "r" else -1.0
-    return np.column_stack(
-        [-backward, -own * right_down, own * _wrap_half_turn(rotation - np.asarray(heading))]
-    )
-
-
-def _compute_ankle_angles(shank: Frames, foot: Array, side: Side) -> Array:
-    """Dorsiflexion, and inward rotation after it, of a foot that is a line."""
-    forward, up, right = np.einsum("nji,nj->in", shank.rotation, foot)
-    inward = -1.0 if side == "r" else 1.0
-    return np.column_stack([np.arctan2(up, forward), inward * np.arctan2(right, np.hypot(forward, up))])
 
 
 def _wrap_half_turn(angle: ArrayLike) -> Array:

@@ -54,10 +54,6 @@ HIP_REGRESSIONS = (*_LINEAR, *_DAVIS_ANGLES)
 _MIN_OUT_OF_LINE = 1e-3  # m; chosen: a plane marker nearer to the line than this tells no plane
 
 
-def _predict_linear(rows: tuple[_Row, _Row, _Row], width: Array, depth: Array, leg: Array) -> list[Array]:
-    return [np.asarray(w * width + d * depth + c + (k * leg if k else 0.0)) for w, d, k, c in rows]
-
-
 def _predict_davis(
     angles: tuple[float, float], width: Array, leg: Array, mean_leg: Array, marker_radius: float
 ) -> list[Array]:
@@ -125,7 +121,8 @@ def predict_hip_centres(
     for leg, side in ((leg_length_r, 1.0), (leg_length_l, -1.0)):
         own = np.asarray(leg, dtype=float) if leg is not None else (legs[0] if legs else mean)
         if name in _LINEAR:
-            x, y, z = _predict_linear(_LINEAR[name], apart, depth, own)
+            rows = _LINEAR[name]
+            x, y, z = [np.asarray(w * apart + d * depth + c + (k * own if k else 0.0)) for w, d, k, c in rows]
         else:
             x, y, z = _predict_davis(_DAVIS_ANGLES[name], apart, own, mean, marker_radius)
         centre = np.column_stack(np.broadcast_arrays(x, y, side * z, depth)[:3])

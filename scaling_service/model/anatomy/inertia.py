@@ -14,7 +14,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.body import BodyModel, Segment, to_vector
+from scaling_service.model import body, poses
 from scaling_service.model.inertia import (
     InertiaRow,
     InertiaTable,
@@ -23,7 +23,6 @@ from scaling_service.model.inertia import (
     take_six,
     to_matrix,
 )
-from scaling_service.model.poses import Frame, pose_neutral_frames
 
 ROLES = {
     "pelvis": "pelvis",
@@ -85,7 +84,7 @@ TRUNK = "deleva1996"
 class InertiaResult:
     """A model with the inertia of a table."""
 
-    model: BodyModel
+    model: body.BodyModel
     table: str
     notes: tuple[str, ...]  # what had to be decided, in plain English
 
@@ -113,7 +112,7 @@ class Person:
 
 
 def apply_inertia_table(
-    model: BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
+    model: body.BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
 ) -> InertiaResult:
     """Give every segment the mass, centre of mass and tensor that a table says.
 
@@ -153,11 +152,11 @@ def apply_inertia_table(
     return InertiaResult(replace(model, segments=tuple(segments)), table, tuple(dict.fromkeys(notes)))
 
 
-def _average_segments(one: Segment, other: Segment) -> Segment:
+def _average_segments(one: body.Segment, other: body.Segment) -> body.Segment:
     mass, com, inertia = (
         np.mean((getattr(one, name), getattr(other, name)), axis=0) for name in ("mass", "com", "inertia")
     )
-    return replace(one, mass=float(mass), com=to_vector(com), inertia=tuple(inertia.tolist()))
+    return replace(one, mass=float(mass), com=body.to_vector(com), inertia=tuple(inertia.tolist()))
 
 
 def find_possible_tensor(tensor: Array) -> tuple[Array, bool]:
@@ -201,8 +200,8 @@ class _Placed:
 
 
 def _with_inertia(
-    segment: Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
-) -> Segment:
+    segment: body.Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
+) -> body.Segment:
     base, side = _split_side(segment.name)
     if base not in ROLES:
         raise InputError(
@@ -214,7 +213,22 @@ def _with_inertia(
     tables = [table, *([read_inertia_table(table.fallback)] if table.fallback else [])]
     if table.find(role, person.sex) is None and len(tables) > 1:
         tables = tables[1:]
-    placed = [_place(neutral, t, t.row(role, person.sex), person, side, segment.name) for t in tables]
+    placed = []
+    for t in tables:
+        row = t.row(role, person.sex)
+        near, far = row.span
+        start = require_landmark(neutral, near, side, person.sex, segment.name)
+        end = find_landmark(neutral, far, side, person.sex)
+        if end is None and row.length_mm is not None:
+            length = 1e-3 * row.length_mm * person.height_m / t.stature_m[person.sex]
+            end = start + length * np.array(AHEAD.get(far, (0.0, -1.0, 0.0)))
+        if end is None and row.com_pct is None:
+            end = start  # the fallback gives centre and radii
+        if end is None:
+            end = require_landmark(neutral, far, side, person.sex, segment.name)
+        if far == "HJCS":
+            end = np.array([end[0], end[1], start[2]])  # projected on the sagittal plane
+        placed.append(_Placed(row, float(np.linalg.norm(end - start)), start, end))
     first, last = placed[0], placed[-1]
     com = first.com(neutral, segment.name, side)
     com = last.com(neutral, segment.name, side) if com is None else com
@@ -222,10 +236,16 @@ def _with_inertia(
     radii = np.where(np.isnan(first.radii()), last.radii(), first.radii())
     mass = first.row.mass_pct / 100.0 * person.mass_kg
     products = first.length * np.array(first.row.products_pct) / 100.0
-    tensor, changed = find_possible_tensor(_make_tensor(mass, radii, products, side))
+    xy, xz, yz = mass * np.sign(products) * products**2
+    if side == "l":
+        xz, yz = -xz, -yz
+    tensor = np.diag(mass * radii**2)
+    for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), (xy, xz, yz), strict=True):
+        tensor[i, j] = tensor[j, i] = value
+    tensor, changed = find_possible_tensor(tensor)
     if changed:
         notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
-    return replace(segment, mass=mass, com=to_vector(com), inertia=take_six(tensor))
+    return replace(segment, mass=mass, com=body.to_vector(com), inertia=take_six(tensor))
 
 
 def _split_side(name: str) -> tuple[str, str]:
@@ -233,35 +253,7 @@ def _split_side(name: str) -> tuple[str, str]:
     return (name[:-2], name[-1]) if name[-2:] in ("_r", "_l") else (name, "")
 
 
-def _place(
-    neutral: Neutral, table: InertiaTable, row: InertiaRow, person: Person, side: str, segment: str
-) -> _Placed:
-    first, last = row.span
-    start = require_landmark(neutral, first, side, person.sex, segment)
-    end = find_landmark(neutral, last, side, person.sex)
-    if end is None and row.length_mm is not None:
-        length = 1e-3 * row.length_mm * person.height_m / table.stature_m[person.sex]
-        end = start + length * np.array(AHEAD.get(last, (0.0, -1.0, 0.0)))
-    if end is None and row.com_pct is None:
-        end = start  # the fallback gives centre and radii
-    if end is None:
-        end = require_landmark(neutral, last, side, person.sex, segment)
-    if last == "HJCS":
-        end = np.array([end[0], end[1], start[2]])  # projected on the sagittal plane
-    return _Placed(row, float(np.linalg.norm(end - start)), start, end)
-
-
-def _make_tensor(mass: float, radii: Array, products: Array, side: str) -> Array:
-    xy, xz, yz = mass * np.sign(products) * products**2
-    if side == "l":
-        xz, yz = -xz, -yz
-    tensor = np.diag(mass * radii**2)
-    for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), (xy, xz, yz), strict=True):
-        tensor[i, j] = tensor[j, i] = value
-    return tensor
-
-
-def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -> list[Segment]:
+def _sum_up_to_mass(segments: list[body.Segment], mass_kg: float, notes: list[str]) -> list[body.Segment]:
     """Segments whose masses sum to the person's, where they make a whole person."""
     if {_split_side(s.name)[0] for s in segments} != WHOLE_BODY:
         left_out = 100.0 * (1.0 - sum(s.mass for s in segments) / mass_kg)
@@ -280,13 +272,13 @@ def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -
 class Neutral:
     """A model in its neutral posture."""
 
-    model: BodyModel
-    frames: Mapping[str, Frame]
+    model: body.BodyModel
+    frames: Mapping[str, poses.Frame]
 
     @classmethod
-    def of(cls, model: BodyModel) -> Neutral:
+    def of(cls, model: body.BodyModel) -> Neutral:
         """Pose the model, all coordinates at zero."""
-        return cls(model, pose_neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
+        return cls(model, poses.pose_neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
 
     def origin(self, segment: str) -> Array | None:
         """A segment's origin in ground, None if the model has no such segment."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.inertia import InertiaResult, Neutral, apply_inertia_table
+from scaling_service.model.anatomy import inertia
 from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.inertia import Sex, gather_inertias, sum_mass, take_six, with_inertias
@@ -55,7 +55,7 @@ _ITSELF = {name: replace(part, pieces=(name,), whole=part.planar) for name, part
 
 def apply_to_squat(
     model: BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
-) -> InertiaResult:
+) -> inertia.InertiaResult:
     """Give the planar squat the inertia that a table says.
 
     ``model``: ``squat_4dof`` of any size. ``table``, ``sex``, ``height_m``, ``mass_kg``: see
@@ -68,30 +68,33 @@ def apply_to_squat(
             field="model",
             remedy=f"Its segments are {', '.join(PARTS)}",
         )
-    whole = apply_inertia_table(load_builtin(WHOLE), table, sex=sex, height_m=height_m, mass_kg=mass_kg)
+    whole = inertia.apply_inertia_table(
+        load_builtin(WHOLE), table, sex=sex, height_m=height_m, mass_kg=mass_kg
+    )
     own = table == LUMPED
-    body, parts = (_read_own_rows(mass_kg), _ITSELF) if own else (Neutral.of(whole.model), PARTS)
+    body, parts = inertia.Neutral.of(whole.model), PARTS
+    if own:  # the built-in squat holds the rows that Winter gives for trunk and head and the whole arm
+        squat = load_builtin(SQUAT)
+        factor, inertias = mass_kg / sum_mass(squat), gather_inertias(squat)
+        heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
+        body, parts = inertia.Neutral.of(with_inertias(squat, heavier)), _ITSELF
     notes = whole.notes[:1] if own else whole.notes
-    planar = Neutral.of(model)
+    planar = inertia.Neutral.of(model)
     segments = tuple(_lump_segments(s, parts[s.name], body, planar) for s in model.segments)
     said = "both sides are lumped; trunk and head are one, the arm hangs straight"
-    return InertiaResult(replace(model, segments=segments), table, (*notes, said))
+    return inertia.InertiaResult(replace(model, segments=segments), table, (*notes, said))
 
 
-def _read_own_rows(mass_kg: float) -> Neutral:
-    """The built-in squat, which holds the rows that Winter gives for trunk and head and the whole arm."""
-    squat = load_builtin(SQUAT)
-    factor = mass_kg / sum_mass(squat)
-    inertias = gather_inertias(squat)
-    heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
-    return Neutral.of(with_inertias(squat, heavier))
-
-
-def _lump_segments(segment: Segment, part: Part, body: Neutral, planar: Neutral) -> Segment:
+def _lump_segments(segment: Segment, part: Part, body: inertia.Neutral, planar: inertia.Neutral) -> Segment:
     start, end = (_place(body, name) for name in part.whole)
     new_start, new_end = (_place(planar, name) for name in part.planar)
     size = _measure_flat_length(new_end - new_start) / _measure_flat_length(end - start)
-    turn = _turn(end - start, new_end - new_start)
+    # Rotation about z that brings one direction onto another
+    old = end - start
+    new = new_end - new_start
+    angle = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     mass, com, tensor = _sum_inertias(body, part.pieces)
     at = new_start + size * turn @ (com - start)
     local = planar.local(segment.name, at)
@@ -100,7 +103,7 @@ def _lump_segments(segment: Segment, part: Part, body: Neutral, planar: Neutral)
     return replace(segment, mass=mass, com=(float(local[0]), float(local[1]), 0.0), inertia=take_six(spread))
 
 
-def _place(neutral: Neutral, name: str) -> Array:
+def _place(neutral: inertia.Neutral, name: str) -> Array:
     found = neutral.origin(name)
     found = neutral.marker(name) if found is None else found
     if found is None:
@@ -116,14 +119,7 @@ def _measure_flat_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
 
 
-def _turn(old: Array, new: Array) -> Array:
-    """Rotation about z that brings one direction onto another."""
-    angle = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _sum_inertias(neutral: Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:
+def _sum_inertias(neutral: inertia.Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:
     """Mass, centre of mass and tensor about it of rigidly joined segments, ground axes."""
     rows = [neutral.model.segment_names.index(name) for name in pieces]
     axes, origins = map(np.array, zip(*(neutral.frames[name] for name in pieces), strict=True))

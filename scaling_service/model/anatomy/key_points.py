@@ -14,11 +14,11 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.notes import Note
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment
+from scaling_service.model import body
+from scaling_service.model.anatomy import lengths
 from scaling_service.model.anatomy.marker_sets import recognise
 from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.anatomy.rotations import read_rotation_table
-from scaling_service.model.body import BodyModel, Marker, to_vector
 from scaling_service.model.places import tell_landmarks
 
 _JOINTS: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -39,7 +39,7 @@ _FEET: Mapping[str, tuple[str, float]] = MappingProxyType(
 """Key point to the landmark of a foot, and how far before it, m (chosen: a great toe, a little toe)."""
 
 
-def add_key_points(model: BodyModel, labels: Iterable[str]) -> BodyModel:
+def add_key_points(model: body.BodyModel, labels: Iterable[str]) -> body.BodyModel:
     """The model with the key points that these labels name, where they are those of a video pose network.
 
     The model as it is where labels are of another set, or it has such markers.
@@ -61,8 +61,8 @@ def add_key_points(model: BodyModel, labels: Iterable[str]) -> BodyModel:
     landmarks = {landmark: name for name, landmark in tell_landmarks(model).items()}
     for side in "RL":
         for name, (joint, part) in _JOINTS.items():
-            ends = find_joint_ends(model, joint, side.lower())
-            segment = find_segment(model, part, "" if part in ("pelvis", "torso") else side.lower())
+            ends = lengths.find_joint_ends(model, joint, side.lower())
+            segment = lengths.find_segment(model, part, "" if part in ("pelvis", "torso") else side.lower())
             if segment in ends:
                 added.append(_make(f"{side}{name}", segment, ends[segment], sd))
         for name, (landmark, before) in _FEET.items():
@@ -78,18 +78,18 @@ def add_key_points(model: BodyModel, labels: Iterable[str]) -> BodyModel:
     return model.with_markers((*model.markers, *added))
 
 
-def _make(name: str, segment: str, at: Array, sd: float) -> Marker:
-    return replace(Marker.at(name, segment, to_vector(at), anatomical=False), noise=sd)
+def _make(name: str, segment: str, at: Array, sd: float) -> body.Marker:
+    return replace(body.Marker.at(name, segment, body.to_vector(at), anatomical=False), noise=sd)
 
 
-def shows_key_points_alone(model: BodyModel, labels: Iterable[str]) -> bool:
+def shows_key_points_alone(model: body.BodyModel, labels: Iterable[str]) -> bool:
     """Whether all of a model's markers among these labels are key points, and there are any."""
     shown = set(labels)
     own = [m for m in model.markers if m.name in shown and m.weight > 0.0]
     return bool(own) and all(m.noise is not None and not m.is_direction for m in own)
 
 
-def tell_key_points(model: BodyModel, labels: Iterable[str]) -> tuple[Note, ...]:
+def tell_key_points(model: body.BodyModel, labels: Iterable[str]) -> tuple[Note, ...]:
     """That key points are followed, and how far they are taken to be off; nothing where markers are, too."""
     seen = list(labels)
     if not shows_key_points_alone(model, seen):

@@ -11,10 +11,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
+from scaling_service.model import body, reference
 from scaling_service.model.anatomy.lengths import find_centre
-from scaling_service.model.body import BodyModel, Law, Segment, Shape, Term
 from scaling_service.model.compile import evaluate_law
-from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
 _ALONG = np.cos(np.radians(30.0))  # chosen: an axis further off is that of another rotation
@@ -53,12 +52,12 @@ class SecondaryRotation:
     child: str
     coordinate: str
     flexion: str  # the coordinate of flexion
-    law: Law  # rad; its mean change with flexion
+    law: body.Law  # rad; its mean change with flexion
     sd: float  # rad; by which one person in one movement strays from it
     source: str
 
 
-def list_knees(model: BodyModel) -> Iterator[Knee]:
+def list_knees(model: body.BodyModel) -> Iterator[Knee]:
     """Joints between what is called a thigh and a shank.
 
     Rotations are known by their axes in the neutral posture: flexion about Z, adduction about X, axial
@@ -68,7 +67,29 @@ def list_knees(model: BodyModel) -> Iterator[Knee]:
     for segment in model.segments:
         parent, name = segment.parent.lower(), segment.name.lower()
         if parent.startswith(tuple(table["parents"])) and name.startswith(tuple(table["children"])):
-            turns = _list_turns(model, segment)
+            # Axis of the parent to the free coordinate that turns about it, and its sign
+            defaults = {c.name: c.default for c in model.coordinates} | {
+                p.name: p.value for p in model.parameters
+            }
+            reached, turns = np.eye(3), {}
+            for joint in segment.joints:
+                if joint.kind != "rotation":
+                    continue
+                direction: Array = reached @ np.array(joint.axis)
+                moving = [t for t in joint.law.terms if not t.is_constant]
+                if (
+                    len(moving) == 1
+                    and moving[0].coordinate
+                    and moving[0].shape is None
+                    and not moving[0].parameter
+                ):
+                    axis = int(np.argmax(np.abs(direction)))
+                    free = not model.coordinate(moving[0].coordinate).locked
+                    if abs(direction[axis]) >= _ALONG and free and abs(moving[0].gain) == 1.0:
+                        sign = float(np.sign(direction[axis]) * moving[0].gain)
+                        turns["xyz"[axis]] = (moving[0].coordinate, sign)
+                value = float(evaluate_law(joint.law, defaults))
+                reached = reached @ Rotation.from_rotvec(value * np.array(joint.axis)).as_matrix()
             if "z" in turns:
                 flexion, extends = turns["z"]
                 yield Knee(
@@ -82,7 +103,7 @@ def list_knees(model: BodyModel) -> Iterator[Knee]:
                 )
 
 
-def list_secondary_rotations(model: BodyModel) -> Iterator[SecondaryRotation]:
+def list_secondary_rotations(model: body.BodyModel) -> Iterator[SecondaryRotation]:
     """Those rotations of which something is published (``reference_models/joint_motion.yaml``).
 
     Of a leg whose side is not known, neither is the sense in which its shank turns: the law is nought then,
@@ -94,14 +115,14 @@ def list_secondary_rotations(model: BodyModel) -> Iterator[SecondaryRotation]:
             if axis not in knee.turns:
                 continue
             coordinate, sign = knee.turns[axis]
-            law, sd = Law(), float(np.radians(sd_deg))
+            law, sd = body.Law(), float(np.radians(sd_deg))
             if axis == "y":
                 shape = _of_flexion(table["internal_rotation"], table["largest_flexion_deg"], knee.extends)
-                law = Law((Term(sign * (knee.side or 1), coordinate=knee.flexion, shape=shape),))
+                law = body.Law((body.Term(sign * (knee.side or 1), coordinate=knee.flexion, shape=shape),))
                 if not knee.side:
                     bent = -knee.extends * np.linspace(0.0, np.radians(_ORDINARY_DEG), _LOOKS)
                     turned = evaluate_law(law, {knee.flexion: bent})
-                    law, sd = Law(), float(np.hypot(sd, np.sqrt(np.mean(np.square(turned)))))
+                    law, sd = body.Law(), float(np.hypot(sd, np.sqrt(np.mean(np.square(turned)))))
             yield SecondaryRotation(
                 joint=knee.joint,
                 parent=knee.thigh,
@@ -114,7 +135,7 @@ def list_secondary_rotations(model: BodyModel) -> Iterator[SecondaryRotation]:
             )
 
 
-def _tell_side(model: BodyModel, shank: Segment) -> int:
+def _tell_side(model: body.BodyModel, shank: body.Segment) -> int:
     """By the name, else by the shank's markers: a fibula's head and a malleolus lie outward and behind."""
     name = shank.name.lower()
     for side, (after, whole, before) in ((-1, _LEFT), (1, _RIGHT)):
@@ -141,7 +162,7 @@ def _tell_side(model: BodyModel, shank: Segment) -> int:
     return 1 if right < left else -1
 
 
-def _of_flexion(coefficients: list[float], largest_deg: float, extends: float) -> Shape:
+def _of_flexion(coefficients: list[float], largest_deg: float, extends: float) -> body.Shape:
     """A polynomial of flexion in degrees as a shape of the coordinate, which may count extension."""
     polynomial = np.polynomial.Polynomial([float(c) for c in coefficients])
     largest = float(np.radians(largest_deg))
@@ -150,31 +171,13 @@ def _of_flexion(coefficients: list[float], largest_deg: float, extends: float) -
     else:
         breaks, flexion = (0.0, largest), np.polynomial.Polynomial([0.0, np.degrees(1.0)])
     local = np.radians(polynomial(flexion).coef[::-1])
-    return Shape(breaks, (tuple(local.tolist()),))
-
-
-def _list_turns(model: BodyModel, segment: Segment) -> dict[str, tuple[str, float]]:
-    """Axis of the parent to the free coordinate that turns about it, and its sign."""
-    defaults = {c.name: c.default for c in model.coordinates} | {p.name: p.value for p in model.parameters}
-    reached, found = np.eye(3), {}
-    for joint in segment.joints:
-        if joint.kind != "rotation":
-            continue
-        direction: Array = reached @ np.array(joint.axis)
-        moving = [t for t in joint.law.terms if not t.is_constant]
-        if len(moving) == 1 and moving[0].coordinate and moving[0].shape is None and not moving[0].parameter:
-            axis = int(np.argmax(np.abs(direction)))
-            free = not model.coordinate(moving[0].coordinate).locked
-            if abs(direction[axis]) >= _ALONG and free and abs(moving[0].gain) == 1.0:
-                sign = float(np.sign(direction[axis]) * moving[0].gain)
-                found["xyz"[axis]] = (moving[0].coordinate, sign)
-        value = float(evaluate_law(joint.law, defaults))
-        reached = reached @ Rotation.from_rotvec(value * np.array(joint.axis)).as_matrix()
-    return found
+    return body.Shape(breaks, (tuple(local.tolist()),))
 
 
 @cache
 def _read_published() -> Mapping[str, Any]:
     """What is known of a knee."""
-    table: Mapping[str, Any] = read_reference(find_reference_folder() / "joint_motion.yaml")["joints"][0]
+    table: Mapping[str, Any] = reference.read_reference(
+        reference.find_reference_folder() / "joint_motion.yaml"
+    )["joints"][0]
     return table

@@ -11,9 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from scaling_service.model import body, poses
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector, to_vector
-from scaling_service.model.poses import evaluate_marker, follow, list_model_values
 from scaling_service.model.trial import Array
 
 _SIDES = ("r", "l", "")
@@ -52,7 +51,7 @@ _LENGTHS: Mapping[str, tuple[str, str, str]] = {
 }
 
 
-def find_joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
+def find_joint_centres(model: body.BodyModel) -> dict[str, tuple[str, body.Vector]]:
     """Centres of the joints that the model has, in their proximal segment.
 
     Returns ``hip_r``, ``knee_r``, ``ankle_r``, ``shoulder_r``, ``elbow_r``, ``wrist_r`` and the left ones to
@@ -72,11 +71,11 @@ def find_joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
             ends = find_joint_ends(model, joint, side)
             segment = _find_part(model, proximal, side)
             if segment is not None and segment in ends:
-                centres[_name_sided(joint, side)] = (segment, to_vector(ends[segment]))
+                centres[_name_sided(joint, side)] = (segment, body.to_vector(ends[segment]))
     return centres
 
 
-def measure_segment_lengths(model: BodyModel) -> dict[str, float]:
+def measure_segment_lengths(model: body.BodyModel) -> dict[str, float]:
     """Distances between joint centres, m, as far as the model has them.
 
     Returns ``inter_hip``, ``femur_r`` (hip to knee), ``shank_r`` (knee to ankle), ``upper_arm_r``,
@@ -96,7 +95,7 @@ def measure_segment_lengths(model: BodyModel) -> dict[str, float]:
     return lengths
 
 
-def find_segment(model: BodyModel, role: str, side: str) -> str | None:
+def find_segment(model: body.BodyModel, role: str, side: str) -> str | None:
     """The segment that plays a part on a side, whatever the model calls it; None if there is none.
 
     What the model says of its bones counts before the names of its segments.
@@ -117,7 +116,7 @@ def _name_sided(name: str, side: str) -> str:
     return f"{name}_{side}" if side else name
 
 
-def find_joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]:
+def find_joint_ends(model: body.BodyModel, joint: str, side: str) -> dict[str, Array]:
     """A joint's centre, (3,) m, in the frames of the segments that know it (empty if there is no such joint).
 
     ``joint``: ``hip``, ``knee``, ``ankle``, ``shoulder``, ``elbow`` or ``wrist``.
@@ -128,81 +127,66 @@ def find_joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]
             chain = list_chain(model, parent, child)
             if chain:
                 return find_centre(model, chain)
-    return _find_ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
+    if joint != "ankle" or first is None:
+        return {}
+    # A shank without a foot may know the ankle by its markers.
+    values, letter = straighten(model), side.upper()
+    places = {
+        (m.name if m.weight == 0.0 else find_canonical(m.name)): poses.evaluate_marker(m, values)
+        for m in model.markers
+        if m.segment == first
+    }
+    if f"{letter}AJC" in places:
+        return {first: places[f"{letter}AJC"]}
+    malleoli = [places[name] for name in (f"{letter}LM", f"{letter}MM") if name in places]
+    return {first: (malleoli[0] + malleoli[1]) / 2.0} if len(malleoli) == 2 else {}
 
 
-def _find_part(model: BodyModel, role: str, side: str) -> str | None:
+def _find_part(model: body.BodyModel, role: str, side: str) -> str | None:
     """As :func:`find_segment`; pelvis and torso have no side; a planar torso may stand for the pelvis."""
     if role == "pelvis":
         return find_segment(model, "pelvis", "") or (find_segment(model, "torso", "") if not side else None)
     return find_segment(model, role, "" if role == "torso" else side)
 
 
-def list_chain(model: BodyModel, parent: str, child: str) -> list[Segment]:
+def list_chain(model: body.BodyModel, parent: str, child: str) -> list[body.Segment]:
     """The segments from just below ``parent`` down to ``child``; empty if it does not hang there."""
-    chain: list[Segment] = []
+    chain: list[body.Segment] = []
     name = child
-    while name not in (GROUND, parent):
+    while name not in (body.GROUND, parent):
         segment = model.segment(name)
         chain.insert(0, segment)
         name = segment.parent
     return chain if name == parent else []
 
 
-def find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
+def find_centre(model: body.BodyModel, chain: list[body.Segment]) -> dict[str, Array]:
     """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
     values = straighten(model)
     joints = [joint for segment in chain for joint in segment.joints]
-    _, centre = follow(joints[: _count_before_turn(chain)], values)
-    _, end = follow(joints, values)
-    if np.linalg.norm(end - centre) > _WELDED_ON_M and not _is_turn(chain[-1]):
+    # The turn that makes a chain's last joint: the first driven one of the last segment, or of the whole
+    # chain where the last one is welded on.
+    driven = [_is_driven(joint) for segment in chain for joint in segment.joints]
+    last = len(driven) - len(chain[-1].joints)
+    before_turn = driven.index(True, last if True in driven[last:] else 0) if True in driven else last
+    _, centre = poses.follow(joints[:before_turn], values)
+    _, end = poses.follow(joints, values)
+    if np.linalg.norm(end - centre) > _WELDED_ON_M and not any(map(_is_driven, chain[-1].joints)):
         centre = end
     known = {chain[0].parent: centre}
     done = 0
     for segment in chain:
         done += len(segment.joints)
-        rotation, origin = follow(joints[:done], values)
+        rotation, origin = poses.follow(joints[:done], values)
         known[segment.name] = rotation.T @ (centre - origin)
     return known
 
 
-def _count_before_turn(chain: list[Segment]) -> int:
-    """How many joints of a chain come before the turn that makes its last joint.
-
-    That is the first driven turn of the last segment; of the whole chain where the last one is welded on.
-    """
-    driven = [_is_driven(joint) for segment in chain for joint in segment.joints]
-    last = len(driven) - len(chain[-1].joints)
-    if True in driven[last:]:
-        return driven.index(True, last)
-    return driven.index(True) if True in driven else last
-
-
-def _is_turn(segment: Segment) -> bool:
-    return any(map(_is_driven, segment.joints))
-
-
-def _is_driven(joint: Joint) -> bool:
+def _is_driven(joint: body.Joint) -> bool:
     return joint.kind == "rotation" and bool(joint.law.coordinates)
 
 
-def straighten(model: BodyModel) -> dict[str, float]:
+def straighten(model: body.BodyModel) -> dict[str, float]:
     """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
     turning = [c for _, joint in model.joints() if joint.kind == "rotation" for c in joint.law.coordinates]
-    return list_model_values(model, dict.fromkeys(turning, 0.0))
-
-
-def _find_ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:
-    values = straighten(model)
-    letter = side.upper()
-    places = {
-        (marker.name if marker.weight == 0.0 else find_canonical(marker.name)): evaluate_marker(
-            marker, values
-        )
-        for marker in model.markers
-        if marker.segment == tibia
-    }
-    if f"{letter}AJC" in places:
-        return {tibia: places[f"{letter}AJC"]}
-    malleoli = [places[name] for name in (f"{letter}LM", f"{letter}MM") if name in places]
-    return {tibia: (malleoli[0] + malleoli[1]) / 2.0} if len(malleoli) == 2 else {}
+    return poses.list_model_values(model, dict.fromkeys(turning, 0.0))

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from scaling_service.model import marker_sets
 from scaling_service.model.anatomy.lengths import find_segment
 from scaling_service.model.anatomy.markers import (
     describe_likeness,
@@ -14,7 +15,6 @@ from scaling_service.model.anatomy.markers import (
     make_plain_key,
 )
 from scaling_service.model.body import BodyModel
-from scaling_service.model.marker_sets import MarkerSet, SetLabel, list_marker_sets
 
 MOSTLY = 0.6
 """Chosen: a set of which a smaller share of the labels is there is not named."""
@@ -48,7 +48,7 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     ('plug_in_gait_lower', ('LHEE',))
     """
     present = {make_plain_key(label) for label in labels if not is_computed(label)}
-    every = list_marker_sets().values()
+    every = marker_sets.list_marker_sets().values()
     additions = [s for s in every if s.adds_to_others and _share(s, present) >= MOSTLY]
     explained = present - {make_plain_key(n) for s in additions for label in s.labels for n in label.names}
     whole = [s for s in every if not s.adds_to_others and _share(s, present) >= MOSTLY]
@@ -66,11 +66,13 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     )
 
 
-def _is_present(label: SetLabel, present: set[str]) -> bool:
+def _is_present(label: marker_sets.SetLabel, present: set[str]) -> bool:
     return any(make_plain_key(name) in present for name in label.names)
 
 
-def _list_asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _list_asked(
+    marker_set: marker_sets.MarkerSet, present: set[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Labels that a set asks for on the sides that are there, and those of them that are missing."""
     sides = {label.side for label in marker_set.labels if _is_present(label, present)} | {""}
     of_sides = [label for label in marker_set.labels if label.side in sides]
@@ -83,7 +85,7 @@ def _list_asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ..
     return tuple(asked), tuple(name for name in asked if name not in found)
 
 
-def _share(marker_set: MarkerSet, present: set[str]) -> float:
+def _share(marker_set: marker_sets.MarkerSet, present: set[str]) -> float:
     if not marker_set.adds_to_others:
         asked, lacks = _list_asked(marker_set, present)
         return 1.0 - len(lacks) / len(asked) if len(asked) > len(lacks) else 0.0
@@ -91,7 +93,7 @@ def _share(marker_set: MarkerSet, present: set[str]) -> float:
     return sum(found) / len(found)
 
 
-def _rate_likeness(marker_set: MarkerSet, present: set[str], explained: set[str]) -> float:
+def _rate_likeness(marker_set: marker_sets.MarkerSet, present: set[str], explained: set[str]) -> float:
     asked, _ = _list_asked(marker_set, present)
     found = [label for label in marker_set.labels if _is_present(label, present)]
     size = len({*asked, *(label.label for label in found)})
@@ -141,7 +143,7 @@ def find_plane_marker(
     """
     keys = {
         make_plain_key(name)
-        for marker_set in list_marker_sets().values()
+        for marker_set in marker_sets.list_marker_sets().values()
         for entry in marker_set.labels
         if entry.plane_of == joint and entry.side == side
         for name in entry.names

@@ -17,7 +17,7 @@ from functools import cache
 from types import MappingProxyType
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.marker_sets import Side, list_landmarks, list_marker_sets
+from scaling_service.model import marker_sets
 
 _SEPARATORS = re.compile(r"[\s._\-]+")
 _SUFFIX = "STUDY"  # r_knee_study: how OpenCap's video pipeline writes the markers of a physical set
@@ -59,7 +59,7 @@ class Meaning:
 
     landmark: str | None  # the built-in models' name of the landmark; None of tracking markers
     segment: str  # what carries it, without side, as the built-in models call it
-    side: Side
+    side: marker_sets.Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,9 +119,9 @@ def _list_meanings() -> Mapping[str, Meaning]:
             key = make_plain_key(name)
             found[key] = meant if found.get(key, meant) == meant else None
 
-    for landmark in list_landmarks().values():
+    for landmark in marker_sets.list_landmarks().values():
         add((landmark.name, *landmark.aliases), Meaning(landmark.name, landmark.segment, landmark.side))
-    for marker_set in list_marker_sets().values():
+    for marker_set in marker_sets.list_marker_sets().values():
         for label in () if marker_set.key_points else marker_set.labels:
             add(label.names, Meaning(label.landmark, label.segment, label.side))
     return {key: meant for key, meant in found.items() if meant is not None}
@@ -207,7 +207,21 @@ def match_labels(
     for level in _LEVELS:
         free = [label for label in present if label not in mapped.values()]
         open_markers = [name for name in wanted if name not in mapped]
-        for name, label in _match(level, free, open_markers).items():
+        labels_of, markers_of = _group_labels(level, free), _group_labels(level, open_markers)
+        matches = {}
+        for key, names in markers_of.items():
+            found = labels_of.get(key, [])
+            if len(found) > 1:
+                raise _report_ambiguous(names[0], found)
+            if found and len(names) > 1:
+                raise InputError(
+                    f"label '{found[0]}' fits the markers {' and '.join(names)} equally well",
+                    field=f"markers.{names[0]}",
+                    remedy="Say under `markers:` which of them it is",
+                )
+            if found:
+                matches[names[0]] = found[0]
+        for name, label in matches.items():
             mapped[name] = label
             if level.reason:
                 notes.append(f"{name} is '{label}' ({level.reason})")
@@ -248,24 +262,6 @@ def _match_explicit(
             )
         mapped[marker] = found[0]
     return mapped, [f"{marker} is '{label}' (as the subject file says)" for marker, label in mapped.items()]
-
-
-def _match(level: _Level, labels: Sequence[str], markers: Sequence[str]) -> dict[str, str]:
-    labels_of, markers_of = _group_labels(level, labels), _group_labels(level, markers)
-    matches = {}
-    for key, names in markers_of.items():
-        found = labels_of.get(key, [])
-        if len(found) > 1:
-            raise _report_ambiguous(names[0], found)
-        if found and len(names) > 1:
-            raise InputError(
-                f"label '{found[0]}' fits the markers {' and '.join(names)} equally well",
-                field=f"markers.{names[0]}",
-                remedy="Say under `markers:` which of them it is",
-            )
-        if found:
-            matches[names[0]] = found[0]
-    return matches
 
 
 def _group_labels(level: _Level, names: Sequence[str]) -> dict[str, list[str]]:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import reference
 from scaling_service.model.anatomy.lengths import find_segment
 from scaling_service.model.body import BodyModel
-from scaling_service.model.reference import find_reference_folder, read_reference
 
 _ENDINGS = re.compile(r"(_4x4|[_ ]?imu|_sensor)$", re.IGNORECASE)
 _RADIUS = "radius"
@@ -46,7 +46,7 @@ def read_rotation_table() -> RotationTable:
     >>> read_rotation_table().parts["shank"]
     'tibia'
     """
-    table: Mapping[str, Any] = read_reference(find_reference_folder() / "rotations.yaml")
+    table: Mapping[str, Any] = reference.read_reference(reference.find_reference_folder() / "rotations.yaml")
     off = table["deviations"]
     return RotationTable(
         parts=table["segments"],

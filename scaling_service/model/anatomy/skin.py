@@ -16,11 +16,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.model import body, reference
 from scaling_service.model.anatomy.knees import list_knees
 from scaling_service.model.anatomy.lengths import find_centre
-from scaling_service.model.body import BodyModel, Law, Term
 from scaling_service.model.people import read_people
-from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
 Part = Literal["thigh", "shank"]
@@ -68,7 +67,9 @@ def read_measured_skin(part: Part) -> MeasuredSkin:
     >>> sorted(set(read_measured_skin("thigh").laboratories.tolist()))
     ['Bologna', 'Ottawa', 'Taipei']
     """
-    movements = read_reference(find_reference_folder() / "skin_over_knee.yaml")["movements"]
+    movements = reference.read_reference(reference.find_reference_folder() / "skin_over_knee.yaml")[
+        "movements"
+    ]
     rows = [
         (movement["laboratory"], movement["person"], number, marker)
         for number, movement in enumerate(movements)
@@ -114,7 +115,7 @@ def _compare(a: Array, b: Array) -> Array:
     return np.asarray(np.exp(-squares / (2.0 * LENGTH_M**2)))
 
 
-def slide_skin(model: BodyModel) -> dict[str, tuple[Law, Law, Law]]:
+def slide_skin(model: body.BodyModel) -> dict[str, tuple[body.Law, body.Law, body.Law]]:
     """How markers on the bones of a model's knees slide with flexion: what to add to their laws, by name.
 
     Pins do not slide, nor does what slides already. Of a leg whose side is not known, the mean of both sides
@@ -133,7 +134,7 @@ def slide_skin(model: BodyModel) -> dict[str, tuple[Law, Law, Law]]:
             mirrors = [np.array([1.0, 1.0, side]) for side in ((knee.side,) if knee.side else (1, -1))]
             slopes = np.mean([mirror * expect_slopes(part, mirror * places) for mirror in mirrors], axis=0)
             for marker, slope in zip(markers, (-knee.extends * slopes).tolist(), strict=True):
-                x, y, z = (Law((Term(gain, coordinate=knee.flexion),)) for gain in slope)
+                x, y, z = (body.Law((body.Term(gain, coordinate=knee.flexion),)) for gain in slope)
                 found[marker.name] = (x, y, z)
     return found
 

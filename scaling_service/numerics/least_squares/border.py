@@ -10,17 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, optimize
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.tree import (
-    compute_jacobian,
-    order_by_frame,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree
 
 _KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
@@ -89,7 +83,10 @@ def linearise(
     for rows in problem.blocks():
         block = _make_block(problem, q, p, rows)
         eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
-        border.curvature += block.shared_curvature - _sum_products(block.cross, eliminated.follow)
+        # Sum over frames of `left^T right`, both (n, nq, np)
+        n, nq, count = block.cross.shape
+        total: Array = block.cross.reshape(n * nq, count).T @ eliminated.follow.reshape(n * nq, count)
+        border.curvature += block.shared_curvature - total
         border.slope += block.frame_slopes.sum(axis=0)
         border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
         border.gains[rows] = eliminated.gain
@@ -111,13 +108,6 @@ def compute_frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
     return slopes
 
 
-def _sum_products(left: Array, right: Array) -> Array:
-    """Sum over frames of ``left^T right``, both (n, nq, np)."""
-    n, nq, count = left.shape
-    total: Array = left.reshape(n * nq, count).T @ right.reshape(n * nq, count)
-    return total
-
-
 def compute_step(
     problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
 ) -> tuple[Array, Array, float, Array]:
@@ -130,7 +120,14 @@ def compute_step(
     """
     border = linearise(problem, q, p, p0, damping.frames)
     trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, None)
-    pins = _find_crossing(problem, q, trial_q)
+    # The way to the bound for coordinates that a step carries past it, NaN for the others
+    free = problem.coordinates
+    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
+    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
+    if not beyond.any():
+        pins = None
+    else:
+        pins = np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
     if pins is not None:
         border = linearise(problem, q, p, p0, damping.frames, pins)
         trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
@@ -153,27 +150,17 @@ def _solve_step(
     return trial_q, trial_p, promised
 
 
-def _find_crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
-    """The way to the bound for coordinates that a step carries past it, NaN for the others."""
-    free = problem.coordinates
-    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
-    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
-    if not beyond.any():
-        return None
-    return np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
-
-
 def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
-    poses = pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    placed = place_tree_markers(problem.tree, poses)
+    poses = tree.pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
+    placed = tree.place_tree_markers(problem.tree, poses)
     gap = problem.measured[rows] - np.moveaxis(placed, -1, 0)
     squared = np.einsum("nmc,nmc->nm", gap, gap)
     shown = np.isfinite(squared)
     squared = np.where(shown, squared, 0.0)
     weight = np.where(shown, problem.weights * problem.loss.weight(squared), 0.0)
     gap = np.where(shown[:, :, None], gap, 0.0)
-    rates = compute_jacobian(problem.tree, poses, placed, problem.variables)
-    white = order_by_frame(rates)
+    rates = tree.compute_jacobian(problem.tree, poses, placed, problem.variables)
+    white = tree.order_by_frame(rates)
     white *= np.repeat(np.sqrt(weight), 3, axis=1)[:, None]
     gap = gap.reshape(len(gap), -1) * np.repeat(np.sqrt(weight), 3, axis=1)
     stiff = np.square(white[:, : len(problem.coordinates)]).sum(axis=2)
@@ -208,7 +195,10 @@ def _eliminate(
     """Solve a block for its coordinates, those pinned or held at a bound excepted."""
     if not len(problem.coordinates):
         return Eliminated(rows, block.slope, block.cross, np.zeros(len(q[rows])))
-    given = np.where(_find_held(problem, q[rows], block.slope), 0.0, np.nan)
+    lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
+    value, slope = q[rows, problem.coordinates], block.slope
+    held = ((value <= lower) & (slope < 0.0)) | ((value >= upper) & (slope > 0.0))
+    given = np.where(held, 0.0, np.nan)
     if pins is not None:
         given = np.where(np.isnan(pins[rows]), given, pins[rows])
     fixed = ~np.isnan(given)
@@ -225,14 +215,6 @@ def _eliminate(
     free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
     gain += np.where(fixed, 0.0, slope * free_step).sum(axis=1)
     return Eliminated(rows, free_step, follow, gain)
-
-
-def _find_held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
-    """Coordinates at a bound that the residuals push beyond it, (n, nq)."""
-    lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
-    value = q[:, problem.coordinates]
-    held: NDArray[np.bool_] = ((value <= lower) & (slope < 0.0)) | ((value >= upper) & (slope > 0.0))
-    return held
 
 
 def _bound_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:

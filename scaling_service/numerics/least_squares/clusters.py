@@ -136,7 +136,12 @@ def compute_curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array
     """
     axes, centre, force = misfit.axes, misfit.centre, misfit.force
     count, n = len(axes), axes.shape[-1]
-    moment = np.einsum("kjan,kjbn->kabn", axes, _turn_second_moments(clusters, axes))
+    # Second moments times the links' axes, (k, 3, 3, n)
+    if clusters.second.shape[-1] == 1:
+        turned = np.matmul(clusters.second[..., 0], axes.reshape(len(axes), 3, -1)).reshape(axes.shape)
+    else:
+        turned = np.einsum("kjin,kian->kjan", clusters.second, axes)
+    moment = np.einsum("kjan,kjbn->kabn", axes, turned)
     if near.any():
         exact = misfit.turned + centre[:, :, None] * force[:, None]
         moment += near * (0.5 * (exact + exact.transpose(0, 2, 1, 3)) - moment)
@@ -156,15 +161,6 @@ def compute_curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array
     result[:, :3, 6] += cross(centre, force)
     result[:, 3:, 6] = force
     return result
-
-
-def _turn_second_moments(clusters: Clusters, axes: Array) -> Array:
-    """Second moments times the links' axes, (k, 3, 3, n)."""
-    if clusters.second.shape[-1] == 1:
-        flat: Array = np.matmul(clusters.second[..., 0], axes.reshape(len(axes), 3, -1))
-        return flat.reshape(axes.shape)
-    half: Array = np.einsum("kjin,kian->kjan", clusters.second, axes)
-    return half
 
 
 def compute_wrench_rate(twist: Array, wrench: Array) -> Array:

@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.clusters import compute_wrench_rate
 from scaling_service.numerics.multibody.laws import NONE
-from scaling_service.numerics.multibody.plan import (
-    Entry,
-    find_entry_coordinate,
-    is_plain,
-    split_entries,
-)
+from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, is_plain, split_entries
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]
@@ -200,7 +195,7 @@ class PivotDamping:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pull:
+class Tasks:
     """Tasks of the coordinates themselves, by column: weight, and weight times way to go, each (c, n)."""
 
     stiffness: Array
@@ -230,7 +225,7 @@ def solve_step(
     damping: PivotDamping,
     *,
     second: Array,
-    pull: Pull | None = None,
+    tasks: Tasks | None = None,
     limits: Limits,
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
@@ -238,7 +233,7 @@ def solve_step(
     ``mass`` (n_rows, 6, 7, n): curvature and wrench of every link's own markers; overwritten.
     ``twist``: (c, 6, n).
     ``second`` (n,): one where second derivatives are used, else zero.
-    ``pull``, ``limits``: tasks and bounds of the coordinates.
+    ``tasks``, ``limits``: aims and bounds of the coordinates.
 
     A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
     so.
@@ -255,9 +250,9 @@ def solve_step(
                 impulse -= bend[columns]
             np.einsum("gjn,gjn->gn", turn, impulse, out=pivot)
             np.abs(pivot, out=pivot)
-            if pull is not None:
-                pivot += pull.stiffness[columns]
-                own[:, 6] += pull.drive[columns]
+            if tasks is not None:
+                pivot += tasks.stiffness[columns]
+                own[:, 6] += tasks.drive[columns]
             whole = pivot * grown
             whole += damping.floor
             np.divide(own, whole[:, None], out=share)
@@ -267,7 +262,16 @@ def solve_step(
             mass[parent] += mass[row]
     free = scaled[:, 6].copy()
     promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
-    return _descend(plan, twist, scaled[:, :6], free), promised
+    # From the root to the leaves: each column's step, given how its link is carried along
+    motion = np.zeros((len(plan.row_of_link), 6, n))
+    for depth in reversed(plan.depths):
+        for row, parent in depth.carried:
+            motion[row] = motion[parent]
+        for rows, columns in reversed(depth.rounds):
+            carried, own = motion[rows], free[columns]
+            own -= np.einsum("gjn,gjn->gn", scaled[columns, :6], carried)
+            carried += twist[columns] * own[:, None]
+    return free, promised
 
 
 def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:
@@ -287,16 +291,3 @@ def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
         for row, parent in depth.carried:
             load[parent] += load[row]
     return compute_wrench_rate(twist, load[plan.column_row])
-
-
-def _descend(plan: Elimination, twist: Array, scaled: Array, free: Array) -> Array:
-    """From the root to the leaves: each column's step, given how its link is carried along (in ``free``)."""
-    motion = np.zeros((len(plan.row_of_link), 6, free.shape[1]))
-    for depth in reversed(plan.depths):
-        for row, parent in depth.carried:
-            motion[row] = motion[parent]
-        for rows, columns in reversed(depth.rounds):
-            carried, own = motion[rows], free[columns]
-            own -= np.einsum("gjn,gjn->gn", scaled[columns], carried)
-            carried += twist[columns] * own[:, None]
-    return free

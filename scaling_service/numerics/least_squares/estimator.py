@@ -57,9 +57,6 @@ class Settings:
     damping: float = 1e-4
 
 
-DEFAULT = Settings()
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solution:
     """Coordinates (n_frames, n_coordinates), parameters (n_parameters,), cost (m2) and how it ended."""
@@ -93,7 +90,7 @@ def solve(
     problem: Problem,
     q0: Array,
     p0: Array,
-    settings: Settings = DEFAULT,
+    settings: Settings = Settings(),
     progress: Callable[[int, float], None] | None = None,
     start: Array | None = None,
 ) -> Solution:
@@ -111,10 +108,16 @@ def solve(
         trial_q, trial_p, promised, _ = compute_step(problem, q, p, p0, damping)
         if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
             return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
-        trial_q, trial_cost, improved = _choose_better_frames(problem, q, trial_q, trial_p, p0)
+        # Frames share only the parameters: in each the coordinates are chosen that suit the trial's.
+        moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
+        improved = np.less_equal(moved, stayed)
+        trial_q = np.where(improved[:, None], trial_q, q)
+        trial_cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
         own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
         if trial_cost < cost:
-            shared = damping.parameters * _choose_easing((cost - trial_cost) / promised)
+            # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
+            kept = (cost - trial_cost) / promised
+            shared = damping.parameters * max(0.1, 1.0 - (2.0 * min(kept, 1.5) - 1.0) ** 3)
             q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
             if progress is not None:
                 progress(steps, cost)
@@ -125,7 +128,7 @@ def solve(
     return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
-def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
+def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = Settings()) -> Solution:
     """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
 
     A frame ends with the step that promises too little to be worth another look at the cost.
@@ -158,24 +161,6 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
         q[left[better]], cost[left[better]] = moved[better], trial[better]
         damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
     return Solution(q=q, p=p, cost=float(cost.sum()), steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
-
-
-def _choose_better_frames(
-    problem: Problem, q: Array, trial_q: Array, trial_p: Array, p0: Array
-) -> tuple[Array, float, NDArray[np.bool_]]:
-    """In every frame the trial's coordinates or the old ones, whichever suit the trial's parameters.
-
-    Frames share only the parameters, so the choice is free; also the cost, and where the trial won.
-    """
-    moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
-    improved: NDArray[np.bool_] = np.less_equal(moved, stayed)
-    cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
-    return np.where(improved[:, None], trial_q, q), cost, improved
-
-
-def _choose_easing(ratio: float) -> float:
-    """How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)."""
-    return max(0.1, 1.0 - (2.0 * min(ratio, 1.5) - 1.0) ** 3)
 
 
 def estimate_uncertainty(

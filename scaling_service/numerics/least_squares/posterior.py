@@ -22,7 +22,7 @@ from scaling_service.numerics.least_squares.whitening import (
     PosteriorProblem,
     Whitening,
 )
-from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody import laws
 from scaling_service.numerics.multibody.tree import (
     Poses,
     Tree,
@@ -57,13 +57,13 @@ class Posterior:
     by their variances, over how many there are.
     """
 
-    q: Array
-    p: Array
-    covariance: Array
+    q: laws.Array
+    p: laws.Array
+    covariance: laws.Array
     cost: float
     misfit: float
     freedom: float
-    squares: Array
+    squares: laws.Array
     steps: int
     outcome: Outcome
 
@@ -72,17 +72,17 @@ class Posterior:
 class _Normal:
     """Whitened residuals with the normal equations of frames and parameters, without the prior."""
 
-    own: Array  # (n, nq, nq)
-    cross: Array  # (n, nq, np)
-    slope: Array  # (n, nq)
-    shared: Array  # (np, np)
-    shared_slope: Array  # (np,)
+    own: laws.Array  # (n, nq, nq)
+    cross: laws.Array  # (n, nq, np)
+    slope: laws.Array  # (n, nq)
+    shared: laws.Array  # (np, np)
+    shared_slope: laws.Array  # (np,)
 
 
 def solve_posterior(
     problem: PosteriorProblem,
-    q0: Array,
-    p0: Array,
+    q0: laws.Array,
+    p0: laws.Array,
     progress: Callable[[int, float], None] | None = None,
     most: int = MOST_STEPS,
 ) -> Posterior:
@@ -97,9 +97,11 @@ def solve_posterior(
     damping, outcome, steps = _FIRST, Outcome.MAX_STEPS, 0
     while steps < most and outcome is Outcome.MAX_STEPS:
         steps += 1
-        step_q, step_p = _make_step(problem, normal, p, damping)
-        trial_q, trial_p = q.copy(), p + step_p
-        trial_q[:, problem.coordinates] += step_q
+        curvature, slope, solved = _eliminate(problem, normal, p, damping)
+        damped = curvature + damping * np.diag(np.diag(curvature))
+        step: laws.Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
+        trial_q, trial_p = q.copy(), p + step
+        trial_q[:, problem.coordinates] += solved[:, :, 0] - solved[:, :, 1:] @ step
         trial_q = _solve_block(problem, whitening, trial_q, trial_p, _INNER)
         trial_gap, trial_cost = _compute_cost(problem, whitening, trial_q, trial_p)
         if trial_cost > cost:
@@ -115,7 +117,7 @@ def solve_posterior(
     problem = replace(problem, integrated=None)
     normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
     curvature, _, _ = _eliminate(problem, normal, p, 0.0)
-    covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
+    covariance: laws.Array = np.asarray(np.linalg.inv(curvature), dtype=float)
     told = len(p) - float(np.einsum("ij,ji->", covariance, problem.prior.precision))
     told += float(problem.shares.sum()) * len(problem.coordinates)
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)
@@ -134,7 +136,9 @@ def solve_posterior(
     )
 
 
-def _compute_cost(problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array) -> tuple[Array, float]:
+def _compute_cost(
+    problem: PosteriorProblem, whitening: Whitening, q: laws.Array, p: laws.Array
+) -> tuple[laws.Array, float]:
     """Whitened residuals, (n, 3 n_markers), and the cost: theirs and the prior's, but for a constant."""
     poses = pose_links(problem.tree, np.ascontiguousarray(q.T), p)
     gap = np.moveaxis(problem.measured, 0, -1) - place_tree_markers(problem.tree, poses)
@@ -151,9 +155,9 @@ def _compute_cost(problem: PosteriorProblem, whitening: Whitening, q: Array, p: 
 def _linearise(
     problem: PosteriorProblem,
     whitening: Whitening,
-    q: Array,
-    p: Array,
-    gap: Array,
+    q: laws.Array,
+    p: laws.Array,
+    gap: laws.Array,
     *,
     shared: bool = True,
 ) -> _Normal:
@@ -195,7 +199,7 @@ def _linearise(
     return _Normal(own=curvature, cross=cross, slope=slope, shared=together, shared_slope=pull)
 
 
-def _flatten(white: Array) -> Array:
+def _flatten(white: laws.Array) -> laws.Array:
     """Numbers by frame (n, k, m) in one row each, (k, n m)."""
     n, count, m = white.shape
     return np.ascontiguousarray(white.transpose(1, 0, 2)).reshape(count, n * m)
@@ -203,7 +207,7 @@ def _flatten(white: Array) -> Array:
 
 def _find_directions(
     tree: Tree, poses: Poses, parameters: NDArray[np.intp], group: ErrorGroup
-) -> tuple[Array, Array]:
+) -> tuple[laws.Array, laws.Array]:
     """The direction along which each parameter moves its one marker in the link, and how far per unit.
 
     Returns (k, 3 m) and (k, n).
@@ -219,8 +223,8 @@ def _find_directions(
 
 
 def _eliminate(
-    problem: PosteriorProblem, normal: _Normal, p: Array, damping: float
-) -> tuple[Array, Array, Array]:
+    problem: PosteriorProblem, normal: _Normal, p: laws.Array, damping: float
+) -> tuple[laws.Array, laws.Array, laws.Array]:
     """Curvature and slope of the parameters, and how each frame's coordinates follow: (n, nq, 1 + np)."""
     own = normal.own.copy()
     diagonal = np.einsum("nii->ni", own)
@@ -234,15 +238,8 @@ def _eliminate(
     return 0.5 * (curvature + curvature.T), slope, solved
 
 
-def _make_step(problem: PosteriorProblem, normal: _Normal, p: Array, damping: float) -> tuple[Array, Array]:
-    curvature, slope, solved = _eliminate(problem, normal, p, damping)
-    damped = curvature + damping * np.diag(np.diag(curvature))
-    step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
-    return solved[:, :, 0] - solved[:, :, 1:] @ step, step
-
-
 def integrate_over(
-    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp]
+    problem: PosteriorProblem, q: laws.Array, p: laws.Array, latent: NDArray[np.intp]
 ) -> PosteriorProblem:
     """The problem with what the likelihood's integral over some parameters adds to its cost.
 
@@ -260,7 +257,7 @@ def integrate_over(
     drives = np.zeros((len(latent), nq + 1))
     for k, parameter in enumerate(latent):
         factor = tree.marker_parameters[int(parameter)][1].factor
-        if factor == NONE:
+        if factor == laws.NONE:
             drives[k, nq] = 1.0
         elif tree.factors[factor].coordinate in column:
             drives[k, column[tree.factors[factor].coordinate]] = 1.0
@@ -276,8 +273,8 @@ def integrate_over(
 
 
 def _eliminate_slopes(
-    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp], own: Array
-) -> Array:
+    problem: PosteriorProblem, q: laws.Array, p: laws.Array, latent: NDArray[np.intp], own: laws.Array
+) -> laws.Array:
     """Each frame's curvature of latent parameters per unit of their drivers, the poses eliminated, (n, k, k).
 
     ``own`` (n, nq, nq): the poses' curvature. Parameters of different groups meet in the poses alone.
@@ -301,7 +298,7 @@ def _eliminate_slopes(
     return np.asarray(curvature)
 
 
-def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
+def solve_poses(problem: PosteriorProblem, q0: laws.Array, p: laws.Array) -> laws.Array:
     """The mean of the poses (n_frames, n_coordinates) where the parameters are known.
 
     Frames share nothing then, so each has its own damping. ``q0``: where to start.
@@ -314,8 +311,13 @@ def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
 
 
 def propagate(
-    problem: PosteriorProblem, q: Array, p: Array, covariance: Array, known: NDArray[np.bool_], alike: float
-) -> tuple[Array, Array]:
+    problem: PosteriorProblem,
+    q: laws.Array,
+    p: laws.Array,
+    covariance: laws.Array,
+    known: NDArray[np.bool_],
+    alike: float,
+) -> tuple[laws.Array, laws.Array]:
     """Covariance of each frame's poses, (n_frames, n, n), from markers and from the parameters'.
 
     And the standard deviation of each coordinate's mean, (n,): what the parameters leave open is the same in
@@ -346,7 +348,7 @@ def split_rows(count: int) -> list[slice]:
     return [slice(start, min(start + _FRAMES, count)) for start in range(0, count, _FRAMES)]
 
 
-def _with_ridge(own: Array) -> Array:
+def _with_ridge(own: laws.Array) -> laws.Array:
     own = own.copy()
     diagonal = np.einsum("nii->ni", own)
     diagonal += _RIDGE * diagonal.max(axis=1, keepdims=True, initial=0.0) + 1e-300
@@ -354,8 +356,8 @@ def _with_ridge(own: Array) -> Array:
 
 
 def _solve_block(
-    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array, most: int = MOST_STEPS
-) -> Array:
+    problem: PosteriorProblem, whitening: Whitening, q: laws.Array, p: laws.Array, most: int = MOST_STEPS
+) -> laws.Array:
     """The poses of frames that are linearised together, each with a damping of its own."""
     nothing = replace(problem, prior=GaussianPrior(()))
     damping = np.full(len(q), _FIRST)
@@ -381,14 +383,14 @@ def _solve_block(
 
 
 def _compute_frame_costs(
-    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array
-) -> tuple[Array, Array]:
+    problem: PosteriorProblem, whitening: Whitening, q: laws.Array, p: laws.Array
+) -> tuple[laws.Array, laws.Array]:
     """Whitened residuals and the cost of each frame."""
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(())), whitening, q, p)
     return white, np.square(white).sum(axis=1) + _compute_held_costs(problem, q)
 
 
-def _compute_held_costs(problem: PosteriorProblem, q: Array) -> Array:
+def _compute_held_costs(problem: PosteriorProblem, q: laws.Array) -> laws.Array:
     """What rules each frame's coordinates beside the markers, (n,), but for a constant."""
     costs, own = np.zeros(len(q)), q[:, problem.coordinates]
     for precision, pull in _list_held(problem):
@@ -396,5 +398,5 @@ def _compute_held_costs(problem: PosteriorProblem, q: Array) -> Array:
     return costs
 
 
-def _list_held(problem: PosteriorProblem) -> list[tuple[Array, Array]]:
+def _list_held(problem: PosteriorProblem) -> list[tuple[laws.Array, laws.Array]]:
     return [part for part in (problem.held, problem.integrated) if part is not None]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector, find_nearest_rotation
+from scaling_service.numerics.multibody import rigid
 
 FEWEST_FRAMES = 3
 """Three poses are the least that fix a common point: one gives three equations for six unknowns, two leave
@@ -165,8 +165,8 @@ def measure_ranges_of_motion(proximal: Poses, distal: Poses, share: float = 0.98
     relative = np.einsum("...nji,...njk->...nik", proximal.rotation, distal.rotation)
     relative = np.where(known[..., None, None], relative, np.eye(3))
     weight = known / np.maximum(known.sum(axis=-1, keepdims=True), 1)
-    middle = find_nearest_rotation(np.einsum("...n,...nij->...ij", weight, relative))
-    vectors = convert_rotation_to_vector(np.einsum("...ji,...njk->...nik", middle, relative))
+    middle = rigid.find_nearest_rotation(np.einsum("...n,...nij->...ij", weight, relative))
+    vectors = rigid.convert_rotation_to_vector(np.einsum("...ji,...njk->...nik", middle, relative))
     centred = vectors - np.einsum("...n,...ni->...i", weight, vectors)[..., None, :]
     spread = np.einsum("...n,...ni,...nj->...ij", weight, centred, centred)
     turned = np.einsum("...ni,...ij->...nj", centred, np.linalg.eigh(spread)[1])

@@ -40,8 +40,8 @@ def compute_marker_motion(tree: Tree, p: Array, state: motion.LinkMotion) -> Arr
     link, local = tree.marker_link, evaluate_local_positions(tree, p)
     at = np.einsum("mjan,mjn->man", state.poses.axes[link], local) + state.poses.origins[link]
     speed = motion.point_velocity(state.twists[link], at)
-    pace = motion.point_acceleration(state.twists[link], state.accelerations[link], at)
-    return np.ascontiguousarray(np.stack([at, speed, pace]).transpose(0, 3, 1, 2))
+    acceleration = motion.point_acceleration(state.twists[link], state.accelerations[link], at)
+    return np.ascontiguousarray(np.stack([at, speed, acceleration]).transpose(0, 3, 1, 2))
 
 
 def compute_marker_misfit(moved: Array, targets: MarkerTargets) -> tuple[Array, Array]:
@@ -70,7 +70,18 @@ def form_normal_equations(
     Returns ``gradient``: (n, 3, m).
     ``curvature``: (n, 3, 3, m, m).
     """
-    moments, pulls = _sum_on_links(tree, rows, gap, weights, mechanism.n_links)
+    # Moments (n, n_links, 18, 18) and pulls (n, n_links, 18) of the markers on each link
+    n = len(rows)
+    heavy = np.repeat(np.moveaxis(weights, 0, -1), 3, axis=-1)  # (n, n_markers, 9)
+    gaps = np.moveaxis(gap, 0, 2).reshape(n, -1, 9)
+    moments, pulls = np.zeros((n, mechanism.n_links, 18, 18)), np.zeros((n, mechanism.n_links, 18))
+    for k, markers in enumerate(tree.marker_rows):
+        if len(markers):
+            some = rows[:, markers].reshape(n, -1, 18)
+            weighed = some * heavy[:, markers].reshape(n, -1, 1)
+            turned = np.swapaxes(weighed, 1, 2)
+            moments[:, k] = turned @ some
+            pulls[:, k] = (turned @ gaps[:, markers].reshape(n, -1, 1))[..., 0]
     below = mechanism.carriers[screws.entries]
     composite = np.einsum("ek,nkcd->necd", below, moments, optimize=True)
     pull = np.einsum("ek,nkc->nec", below, pulls, optimize=True)
@@ -96,33 +107,17 @@ def form_normal_equations(
     return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))
 
 
-def _sum_on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int) -> tuple[Array, Array]:
-    """Moments (n, n_links, 18, 18) and pulls (n, n_links, 18) of the markers on each link."""
-    n = len(rows)
-    heavy = np.repeat(np.moveaxis(weights, 0, -1), 3, axis=-1)  # (n, n_markers, 9)
-    gaps = np.moveaxis(gap, 0, 2).reshape(n, -1, 9)
-    moments, pulls = np.zeros((n, n_links, 18, 18)), np.zeros((n, n_links, 18))
-    for k, markers in enumerate(tree.marker_rows):
-        if len(markers):
-            some = rows[:, markers].reshape(n, -1, 18)
-            weighed = some * heavy[:, markers].reshape(n, -1, 1)
-            turned = np.swapaxes(weighed, 1, 2)
-            moments[:, k] = turned @ some
-            pulls[:, k] = (turned @ gaps[:, markers].reshape(n, -1, 1))[..., 0]
-    return moments, pulls
-
-
 def list_twist_rows(moved: Array) -> Array:
     """How twists and their rates move markers and their rates, (n, n_markers, 9, 18)."""
     n, count = moved.shape[1:3]
     rows = np.zeros((n, count, 9, 18))
-    at, speed, pace = (-build_skew(part) for part in moved)
+    at, speed, acceleration = (-build_skew(part) for part in moved)
     for order in range(3):
         own = slice(3 * order, 3 * order + 3)
         rows[:, :, own, 6 * order : 6 * order + 3] = np.eye(3)
         rows[:, :, own, 6 * order + 3 : 6 * order + 6] = at
     rows[:, :, 3:6, 3:6] = speed
-    rows[:, :, 6:9, 3:6] = pace
+    rows[:, :, 6:9, 3:6] = acceleration
     rows[:, :, 6:9, 9:12] = 2.0 * speed
     return rows
 
@@ -153,9 +148,9 @@ class MarkerShifts:
         """Shifts per unit of each number, and their rates, (k, n, 9)."""
         link = tree.marker_link[self.marker]
         axes = state.poses.axes[link, self.axis]  # (k, 3, n)
-        spin, pace = state.twists[link, 3:], state.accelerations[link, 3:]
-        turned = cross(spin, axes)
-        bent = cross(pace, axes) + cross(spin, turned)
+        omega, alpha = state.twists[link, 3:], state.accelerations[link, 3:]
+        turned = cross(omega, axes)
+        bent = cross(alpha, axes) + cross(omega, turned)
         value, rate, second = ((self.sd * part[:, self.signal]).T[:, None] for part in self.signals)
         found = np.empty((self.count, 9, value.shape[2]))
         found[:, :3] = axes * value

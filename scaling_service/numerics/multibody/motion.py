@@ -18,11 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody import plan
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    follow_slopes,
-)
+from scaling_service.numerics.multibody import laws, plan
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross, pose_links
 
 TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -205,10 +201,10 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     slopes = np.empty((len(mechanism.entries), n))
     for row, entry in enumerate(mechanism.entries):
         slopes[row] = poses.values.by_coordinate(entry.term, entry.number)
-    rate, pace = motion.qdot[coordinates], motion.qddot[coordinates]
+    qdot, qddot = motion.qdot[coordinates], motion.qddot[coordinates]
     (bend,) = _follow_laws(mechanism, motion, p, 1)
-    speeds = screws * (slopes * rate)[:, None]
-    changes = screws * (bend * rate + slopes * pace)[:, None]
+    speeds = screws * (slopes * qdot)[:, None]
+    changes = screws * (bend * qdot + slopes * qddot)[:, None]
     changes += cross_twist(_carry(mechanism, speeds), speeds)
     spread = mechanism.carriers.T
     return LinkMotion(
@@ -223,12 +219,12 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
 def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> Array:
     """First, and second, rates of every entry's slope along a motion, (count, n_entries, n)."""
     tree, result = mechanism.tree, np.zeros((count, len(mechanism.entries), motion.n))
-    pace = motion.qddot if count > 1 else None
-    found = follow_slopes(tree.factors, tree.shape_groups, motion.q, motion.qdot, pace)
+    qddot = motion.qddot if count > 1 else None
+    found = laws.follow_slopes(tree.factors, tree.shape_groups, motion.q, motion.qdot, qddot)
     for row, entry in enumerate(mechanism.entries):
         rates = found[entry.term.factor]
         if rates is not None:
-            scale = p[entry.term.parameter] if entry.term.parameter != NONE else 1.0
+            scale = p[entry.term.parameter] if entry.term.parameter != laws.NONE else 1.0
             result[:, row] = scale * np.array(rates[entry.number])
     return result
 
@@ -272,18 +268,18 @@ class Screws:
 def cross_twist(twist: Array, other: Array) -> Array:
     """The rate of a twist that is carried by another, (..., 6, n)."""
     result = np.empty(np.broadcast_shapes(twist.shape, other.shape))
-    spin = twist[..., 3:, :]
-    result[..., :3, :] = cross(spin, other[..., :3, :]) + cross(twist[..., :3, :], other[..., 3:, :])
-    result[..., 3:, :] = cross(spin, other[..., 3:, :])
+    omega = twist[..., 3:, :]
+    result[..., :3, :] = cross(omega, other[..., :3, :]) + cross(twist[..., :3, :], other[..., 3:, :])
+    result[..., 3:, :] = cross(omega, other[..., 3:, :])
     return result
 
 
 def cross_wrench(twist: Array, wrench: Array) -> Array:
     """The rate of a wrench that is carried by a twist, (..., 6, n)."""
     result = np.empty(np.broadcast_shapes(twist.shape, wrench.shape))
-    spin = twist[..., 3:, :]
-    result[..., :3, :] = cross(spin, wrench[..., :3, :])
-    result[..., 3:, :] = cross(spin, wrench[..., 3:, :]) + cross(twist[..., :3, :], wrench[..., :3, :])
+    omega = twist[..., 3:, :]
+    result[..., :3, :] = cross(omega, wrench[..., :3, :])
+    result[..., 3:, :] = cross(omega, wrench[..., 3:, :]) + cross(twist[..., :3, :], wrench[..., :3, :])
     return result
 
 
@@ -296,10 +292,10 @@ def list_screws(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np
     state = move_links(mechanism, motion, p)
     bend = _follow_laws(mechanism, motion, p, 2)[:, :, None]
     speeds = state.screws * state.slopes[:, None]  # of all entries, for those that are locked never move
-    rate, pace = motion.qdot[mechanism.coordinates], motion.qddot[mechanism.coordinates]
-    carried = _carry(mechanism, speeds * rate[:, None])
+    qdot, qddot = motion.qdot[mechanism.coordinates], motion.qddot[mechanism.coordinates]
+    carried = _carry(mechanism, speeds * qdot[:, None])
     first = cross_twist(carried, speeds) + state.screws * bend[0]
-    carried_rate = _carry(mechanism, first * rate[:, None] + speeds * pace[:, None])
+    carried_rate = _carry(mechanism, first * qdot[:, None] + speeds * qddot[:, None])
     screw_rate = cross_twist(carried, state.screws)
     second = (
         cross_twist(carried_rate, speeds)

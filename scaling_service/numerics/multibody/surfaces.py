@@ -7,9 +7,8 @@ Walther 2008, Evaluating Derivatives, ch. 13).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import factorial
 
 import numpy as np
@@ -129,13 +128,6 @@ def _reach_along_arc(x: Sequence[_Series], offsets: Sequence[float], axis: int) 
     return aside * (sin_b * -1.0 if axis == 0 else sin_a * cos_b)
 
 
-_KINDS: Mapping[str, Callable[[Sequence[_Series], Sequence[float]], _Series]] = {
-    "powers": _multiply_powers,
-    **{f"normal_{letter}": partial(_point_normal, axis=k) for k, letter in enumerate("xyz")},
-    **{f"arc_{letter}": partial(_reach_along_arc, axis=k) for k, letter in enumerate("xyz")},
-}
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
     """A smooth function of several coordinates, as ``model.body.Surface`` describes it."""
@@ -148,18 +140,18 @@ class Surface:
         series = self._expand(x, 1)
         return self._read(series, x, ()), tuple(self._read(series, x, (k,)) for k in range(len(x)))
 
-    def follow_slopes(self, x: Array, rate: Array, pace: Array | None) -> list[tuple[Array, ...]]:
-        """Rates of every slope where coordinates move, (n,); second rates, too, where ``pace`` is given.
+    def follow_slopes(self, x: Array, qdot: Array, qddot: Array | None) -> list[tuple[Array, ...]]:
+        """Rates of every slope where coordinates move, (n,); second rates, too, where ``qddot`` is given.
 
-        ``x``, ``rate``, ``pace``: (n_coordinates, n).
+        ``x``, ``qdot``, ``qddot``: (n_coordinates, n).
         """
-        series, count = self._expand(x, 2 if pace is None else 3), range(len(x))
+        series, count = self._expand(x, 2 if qddot is None else 3), range(len(x))
         second = np.array([[self._read(series, x, (i, j)) for j in count] for i in count])
-        once = np.einsum("ijn,jn->in", second, rate)
-        if pace is None:
+        once = np.einsum("ijn,jn->in", second, qdot)
+        if qddot is None:
             return [(each,) for each in once]
         third = np.array([[[self._read(series, x, (i, j, k)) for k in count] for j in count] for i in count])
-        twice = np.einsum("ijkn,jn,kn->in", third, rate, rate) + np.einsum("ijn,jn->in", second, pace)
+        twice = np.einsum("ijkn,jn,kn->in", third, qdot, qdot) + np.einsum("ijn,jn->in", second, qddot)
         return list(zip(once, twice, strict=True))
 
     def _expand(self, x: Array, order: int) -> _Series:
@@ -169,7 +161,11 @@ class Surface:
             _Series({(0,) * len(x): value, tuple(unit.tolist()): one}, order)
             for value, unit in zip(x, units, strict=True)
         ]
-        return _KINDS[self.kind](inputs, self.numbers)
+        if self.kind == "powers":
+            return _multiply_powers(inputs, self.numbers)
+        kind, _, letter = self.kind.partition("_")
+        follow = {"normal": _point_normal, "arc": _reach_along_arc}[kind]
+        return follow(inputs, self.numbers, "xyz".index(letter))
 
     def _read(self, series: _Series, x: Array, by: tuple[int, ...]) -> Array:
         """A partial derivative with the coordinates ``by``."""

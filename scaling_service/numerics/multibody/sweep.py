@@ -62,9 +62,6 @@ class SweepSettings:
     close: bool = False  # Whether the start is near enough for second derivatives from the first step on
 
 
-DEFAULT = SweepSettings()
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionSolution:
     """Coordinates (n_frames, n_coordinates), weighted squared error per frame (m2), and how it ended."""
@@ -117,13 +114,13 @@ class _Problem:
         now = q[self.plan.variables]
         return elimination.Limits(self.lower - now, self.upper - now)
 
-    def pull(self, q: Array) -> elimination.Pull | None:
+    def tasks(self, q: Array) -> elimination.Tasks | None:
         """The coordinates' own tasks by column."""
         if self.prior is None:
             return None
         columns = self.plan.variables
         value, weight = self.prior[0][columns], self.prior[1][columns]
-        return elimination.Pull(weight, weight * (value - q[columns]))
+        return elimination.Tasks(weight, weight * (value - q[columns]))
 
 
 def is_articulated(tree: Tree) -> bool:
@@ -146,7 +143,7 @@ def solve_motion(
     free: NDArray[np.bool_] | None = None,
     bounds: tuple[Array, Array] | None = None,
     prior: tuple[Array, Array] | None = None,
-    settings: SweepSettings = DEFAULT,
+    settings: SweepSettings = SweepSettings(),
     progress: Callable[[int], None] | None = None,
 ) -> MotionSolution:
     """Coordinates that bring the model's markers nearest to the measured ones, frame by frame.
@@ -338,6 +335,6 @@ def _eliminate(
         twist,
         elimination.PivotDamping(state.damping, part.floor),
         second=state.near,
-        pull=part.pull(state.best),
+        tasks=part.tasks(state.best),
         limits=limits,
     )

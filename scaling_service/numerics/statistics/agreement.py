@@ -154,7 +154,13 @@ def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -
     1:30-46, table 7, ICC(A,1) and ICC(C,1)), that of ICC(2,1) with Satterthwaite's degrees of freedom.
     """
     n, k = table.shape
-    rows, columns, error = _compute_mean_squares(table)
+    # Between subjects, between methods, and of what is left; rounding errors count as nothing.
+    centred = table - table.mean()
+    by_subject, by_method = centred.mean(axis=1), centred.mean(axis=0)
+    left = centred - by_subject[:, None] - by_method
+    squares = np.array([k * np.sum(by_subject**2), n * np.sum(by_method**2), np.sum(left**2)])
+    squares[squares <= table.size * (_ROUNDING * np.abs(table).max()) ** 2] = 0.0
+    rows, columns, error = (squares / (n - 1, k - 1, (n - 1) * (k - 1))).tolist()
     upper = (1 + confidence) / 2
     if error <= 0.0:
         # Every method shifts all subjects alike: the intervals have no width, or there is nothing to see.
@@ -170,10 +176,6 @@ def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -
     low = ratio / float(scipy.stats.f.ppf(upper, *free))
     high = ratio * float(scipy.stats.f.ppf(upper, *free[::-1]))
     consistent = Estimate(*(float((f - 1) / (f + k - 1)) for f in (ratio, low, high)))
-    return _compute_absolute(rows, columns, error, n, k, upper), consistent
-
-
-def _compute_absolute(rows: float, columns: float, error: float, n: int, k: int, upper: float) -> Estimate:
     value = (rows - error) / (rows + (k - 1) * error + k * (columns - error) / n)
     a = k * value / (n * (1 - value))
     b = 1 + k * value * (n - 1) / (n * (1 - value))
@@ -184,20 +186,7 @@ def _compute_absolute(rows: float, columns: float, error: float, n: int, k: int,
     below = float(scipy.stats.f.ppf(upper, free, n - 1))
     low = n * (rows - above * error) / (above * noise + n * rows)
     high = n * (below * rows - error) / (noise + n * below * rows)
-    return Estimate(value, low, high)
-
-
-def _compute_mean_squares(scores: Array) -> tuple[float, float, float]:
-    """Between subjects, between methods, and of what is left; rounding errors count as nothing."""
-    n, k = scores.shape
-    centred = scores - scores.mean()
-    by_subject, by_method = centred.mean(axis=1), centred.mean(axis=0)
-    left = centred - by_subject[:, None] - by_method
-    squares = np.array([k * np.sum(by_subject**2), n * np.sum(by_method**2), np.sum(left**2)])
-    noise = scores.size * (_ROUNDING * np.abs(scores).max()) ** 2
-    squares[squares <= noise] = 0.0
-    rows, columns, error = squares / (n - 1, k - 1, (n - 1) * (k - 1))
-    return float(rows), float(columns), float(error)
+    return Estimate(value, low, high), consistent
 
 
 def _fit_slope(means: Array, differences: Array, confidence: float) -> Estimate:

@@ -110,17 +110,18 @@ def list_panels(available: Mapping[str, Collection[str]], methods: Sequence[str]
     most = max(map(len, sets), default=0)
     chosen = [found for found in sets if len(found) >= min(2, most)]
     order = sorted(chosen, key=lambda found: (-len(found), [list(methods).index(m) for m in found]))
-    return tuple(_make_panel(available, found) for found in order)
-
-
-def _make_panel(available: Mapping[str, Collection[str]], methods: tuple[str, ...]) -> Panel:
-    lacks = {s: [m for m in methods if m not in has] for s, has in available.items()}
-    return Panel(
-        methods,
-        tuple(s for s, missing in lacks.items() if not missing),
-        {
-            s: f"no {', '.join(missing)}" if len(missing) < len(methods) else "no value"
-            for s, missing in lacks.items()
-            if missing
-        },
-    )
+    panels = []
+    for found in order:
+        lacks = {s: [m for m in found if m not in has] for s, has in available.items()}
+        panels.append(
+            Panel(
+                found,
+                tuple(s for s, missing in lacks.items() if not missing),
+                {
+                    s: f"no {', '.join(missing)}" if len(missing) < len(found) else "no value"
+                    for s, missing in lacks.items()
+                    if missing
+                },
+            )
+        )
+    return tuple(panels)

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.signals.filters import find_runs
 
 _BATCH = 2**21
 """Numbers in the largest array of a batch (16 MB): chosen to stay near the processor's cache."""
@@ -124,18 +125,15 @@ class RepeatedMeasuresF:
         found = np.empty((len(items), self._nodes))
         size = self._k * max(self._n * self._k, self._nodes)
         for part in _split_batches(len(items), size):
-            sums = _compute_products(self._choices(items[part]), self._rows)
+            # What each condition's sum takes of the rows, (n, n_conditions, n_rows)
+            choice = np.zeros((len(items[part]), self._k, self._n * self._k))
+            taken = items[part] + self._k * np.arange(self._n)[:, None]
+            np.put_along_axis(choice, taken.transpose(0, 2, 1), 1.0, axis=2)
+            sums = _compute_products(choice, self._rows)
             between = np.einsum("bkq,bkq->bq", sums, sums) / self._n
             ratio: Array = _compute_ratio(between, self._within, self._void) * (self._n - 1)
             found[part] = ratio
         return found
-
-    def _choices(self, items: NDArray[np.int8]) -> Array:
-        """What each condition's sum takes of the rows, shape (n, n_conditions, n_rows)."""
-        choice = np.zeros((len(items), self._k, self._n * self._k))
-        taken = items + self._k * np.arange(self._n)[:, None]
-        np.put_along_axis(choice, taken.transpose(0, 2, 1), 1.0, axis=2)
-        return choice
 
 
 class PairedT:
@@ -268,9 +266,9 @@ def assess_curve(
     if len(reaching):
         masses[: len(reaching)] = find_largest_masses(statistic(reaching), threshold)
     found = [
-        _cluster(observed, sign, first, last, threshold, masses, maxima)
+        _cluster(observed, sign, first, stop - 1, threshold, masses, maxima)
         for sign in (1.0, -1.0)
-        for first, last in _list_runs(sign * observed, threshold)
+        for first, stop in find_runs(sign * observed >= threshold * (1.0 - _TIE)).tolist()
     ]
     return CurveTest(
         kind=kind,
@@ -318,15 +316,6 @@ def find_largest_masses(curves: Array, threshold: float) -> Array:
         np.maximum.at(largest, starts // (curves.shape[1] + 1), np.add.reduceat(sizes, starts))
     found: Array = largest.reshape(2, -1).max(axis=0)
     return found
-
-
-def _list_runs(curve: Array, threshold: float) -> list[tuple[int, int]]:
-    """First and last node of each run at or above the threshold."""
-    inside = np.pad(curve >= threshold * (1.0 - _TIE), 1).astype(np.int8)
-    change = np.diff(inside)
-    return list(
-        zip(np.flatnonzero(change == 1).tolist(), (np.flatnonzero(change == -1) - 1).tolist(), strict=True)
-    )
 
 
 def _cluster(

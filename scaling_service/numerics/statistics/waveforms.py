@@ -12,8 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.numerics.statistics import permutation_tests
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, require_complete
+from scaling_service.numerics.statistics import complete, permutation_tests
 
 NODES = 101
 """0 to 100 % of the cycle, as Pataky's examples and published joint angles (Schwartz 2008: every 2 %)."""
@@ -39,11 +38,11 @@ class Curves:
     values: Array
 
     def __post_init__(self) -> None:
-        table = require_complete(
+        table = complete.require_complete(
             self.values, self.subjects, self.methods, quantity=self.quantity, dimensions=3
         )
         if table.shape[2] < 2:
-            raise ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
+            raise complete.ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
         object.__setattr__(self, "values", table)
 
 
@@ -84,7 +83,15 @@ def normalise_cycles(
     curves = np.empty((len(cycles), len(names), nodes))
     for k, (start, end) in enumerate(cycles):
         rows = _select_rows(clock, start, end, trial)
-        _refuse_gaps(clock[rows], recorded[rows], names, trial)
+        gaps = np.argwhere(~np.isfinite(recorded[rows]))
+        if len(gaps):
+            row, column = gaps[0]
+            raise TrialUnusable(
+                f"'{names[column]}' has no value at {clock[rows][row]:g} s, within a cycle",
+                file=trial,
+                field=names[column],
+                remedy="Leave the cycle out, or fill the markers' gap first",
+            )
         curves[k] = CubicSpline(clock[rows], recorded[rows])(np.linspace(start, end, nodes)).T
     return curves
 
@@ -117,18 +124,6 @@ def _select_rows(times: Array, start: float, end: float, trial: str) -> slice:
     return slice(first, last + 1)
 
 
-def _refuse_gaps(times: Array, values: Array, names: Sequence[str], trial: str) -> None:
-    gaps = np.argwhere(~np.isfinite(values))
-    if len(gaps):
-        row, column = gaps[0]
-        raise TrialUnusable(
-            f"'{names[column]}' has no value at {times[row]:g} s, within a cycle",
-            file=trial,
-            field=names[column],
-            remedy="Leave the cycle out, or fill the markers' gap first",
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class WaveformSettings:
     """How curves are compared.
@@ -145,11 +140,11 @@ class WaveformSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha < 1.0:
-            raise ComparisonImpossible(
+            raise complete.ComparisonImpossible(
                 f"a significance level of {self.alpha:g} is not between 0 and 1", field="alpha"
             )
         if self.rearrangements < 2:
-            raise ComparisonImpossible(
+            raise complete.ComparisonImpossible(
                 "a permutation test needs at least two rearrangements", field="rearrangements"
             )
 
@@ -219,7 +214,16 @@ def compare_waveforms(
     (True, 1)
     """
     chosen = settings or WaveformSettings()
-    pairs = _list_pairs(curves, reference)
+    if reference is None:
+        pairs = list(combinations(curves.methods, 2))
+    else:
+        if reference not in curves.methods:
+            raise complete.ComparisonImpossible(
+                f"the reference '{reference}' is not among the methods {', '.join(curves.methods)}",
+                field=curves.quantity,
+                remedy="Name one of them",
+            )
+        pairs = [(method, reference) for method in curves.methods if method != reference]
     anova = analyse_repeated_measures(curves.values, rng, chosen)
     tested = pairs if anova.significant else []
     return WaveformComparison(
@@ -286,15 +290,3 @@ def _compare_pair(
         difference_sd=difference.std(axis=0, ddof=1),
         test=compare_paired(ours, theirs, rng, settings, n_tests=n_pairs),
     )
-
-
-def _list_pairs(curves: Curves, reference: str | None) -> list[tuple[str, str]]:
-    if reference is None:
-        return list(combinations(curves.methods, 2))
-    if reference not in curves.methods:
-        raise ComparisonImpossible(
-            f"the reference '{reference}' is not among the methods {', '.join(curves.methods)}",
-            field=curves.quantity,
-            remedy="Name one of them",
-        )
-    return [(method, reference) for method in curves.methods if method != reference]

@@ -170,7 +170,12 @@ def _bend(
     pairs = starts.assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
     for k, reach in enumerate(_FINE_M):
         model = scale_model(body, {n: tuple(f) for n, f in factors.items()}) if k else model
-        model = _move_markers(model, shifts) if shifts.any() else model
+        if shifts.any():
+            moved = (
+                Marker.at(m.name, m.segment, tuple(np.array(m.nominal) + shift))
+                for m, shift in zip(model.markers, shifts, strict=True)
+            )
+            model = model.with_markers(tuple(moved))
         used = [names[column] for _, column in pairs]
         q = solve_motion(
             compile_model(model, used),
@@ -214,14 +219,6 @@ def _list_adrift(model: BodyModel, taken: set[str]) -> set[str]:
     if "torso" not in marked:
         alone |= {f"{part}_{s}" for part in ("hand", "ulna", "humerus") for s in "rl"}
     return {name for name, segment in owner.items() if segment in alone}
-
-
-def _move_markers(model: BodyModel, shifts: Array) -> BodyModel:
-    moved = (
-        Marker.at(m.name, m.segment, tuple(np.array(m.nominal) + shift))
-        for m, shift in zip(model.markers, shifts, strict=True)
-    )
-    return model.with_markers(tuple(moved))
 
 
 def _adapt(

@@ -109,7 +109,12 @@ def identify(
     ]
     if len(names) > MOST_LABELS:
         return Identification({}, None)
-    at = np.stack([_find_middle(standing, label) for label in names]) if names else np.zeros((0, 3))
+    at = np.full((len(names), 3), np.nan)
+    for place, label in zip(at, names, strict=True):
+        path = standing.position(label)
+        known = path[np.isfinite(path).all(axis=1)]
+        if len(known):
+            place[:] = np.median(known, axis=0)
     placed = list_landmarks()
     told = {
         names.index(label): landmark
@@ -228,12 +233,6 @@ def _flex(hip: Array, knee: Array, ankle: Array, right: Array) -> Array:
     return np.asarray(np.arctan2(turned, (thigh * shank).sum(axis=-1)))
 
 
-def _find_middle(trial: Trial, label: str) -> Array:
-    path = trial.position(label)
-    known = path[np.isfinite(path).all(axis=1)]
-    return np.asarray(np.median(known, axis=0)) if len(known) else np.full(3, np.nan)
-
-
 def _measure_apart(at: Array, segment: str, body: StandingBody) -> Array:
     """Distances (n,) of points (n, 3) from a segment's skin, m; its landmarks are on the skin."""
     first, last = body.ends[segment]
@@ -299,13 +298,7 @@ def _weigh_landmark(at: Array, row: int, landmark: str | None, body: StandingBod
 
 
 def _explain(
-    label: str,
-    row: int,
-    segment: str,
-    share: Array,
-    spreads: Array,
-    near: float,
-    landmark: str | None,
+    label: str, row: int, segment: str, share: Array, spreads: Array, near: float, landmark: str | None
 ) -> str:
     meaning = markers.look_up_meaning(label)
     parts = []

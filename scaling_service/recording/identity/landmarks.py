@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model import body
 from scaling_service.model.builtin import load_builtin
 
 _MODEL = "full_body_35dof"
@@ -38,16 +38,18 @@ def list_landmarks() -> tuple[str, ...]:
 
 
 @cache
-def read_body() -> BodyModel:
+def read_body() -> body.BodyModel:
     """The whole-body model with these landmarks as its markers."""
     model = load_builtin(_MODEL)
     own = [m for m in model.markers if m.weight > 0.0 and m.name not in _NOT_MARKED]
-    sacral = Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
-    return model.with_markers((*own, sacral, *_make_more()))
-
-
-def _make_more() -> Iterator[Marker]:
-    for name, (segment, (x, y, z)) in MORE.items():
-        for side, sign in (("R", 1.0), ("L", -1.0)):
-            owner = segment if segment == "pelvis" else f"{segment}_{side.lower()}"
-            yield Marker.at(f"{side}{name}", owner, (x, y, sign * z))
+    sacral = body.Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
+    more = [
+        body.Marker.at(
+            f"{side}{name}",
+            segment if segment == "pelvis" else f"{segment}_{side.lower()}",
+            (x, y, z if side == "R" else -z),
+        )
+        for name, (segment, (x, y, z)) in MORE.items()
+        for side in "RL"
+    ]
+    return model.with_markers((*own, sacral, *more))

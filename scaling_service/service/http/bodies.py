@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Callable
+from collections import abc
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, ParamSpec, TypeVar
 
+import pydantic
 from fastapi import Request
-from pydantic import BaseModel, ValidationError
 
 from scaling_service.documents.reading import MAX_BYTES
 from scaling_service.service.http import problems
@@ -20,7 +20,7 @@ from scaling_service.service.store.errors import TooLarge
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Model = TypeVar("Model", bound=BaseModel)
+Model = TypeVar("Model", bound=pydantic.BaseModel)
 
 SILENCE_S = 60.0
 """Without a byte for so long, a client is taken for gone. Chosen: longer than networks pause."""
@@ -35,7 +35,7 @@ _WRITERS = ThreadPoolExecutor(8, thread_name_prefix="writer")
 SQLite writes one at a time anyway, and a few uploads keep a disk busy."""
 
 
-async def in_writer_thread(call: Callable[P, T], *args: P.args, **options: P.kwargs) -> T:
+async def in_writer_thread(call: abc.Callable[P, T], *args: P.args, **options: P.kwargs) -> T:
     """Make a call that writes to the store, in one of the threads for that."""
     return await asyncio.get_running_loop().run_in_executor(_WRITERS, partial(call, *args, **options))
 
@@ -45,7 +45,7 @@ async def read_model(model: type[Model], request: Request, remedy: str) -> Model
     content = await read_json(request)
     try:
         return model.model_validate(content)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         raise RequestInvalid.of(error, remedy) from None
 
 
@@ -81,7 +81,7 @@ def _refuse_constant(text: str) -> float:
     raise json.JSONDecodeError(f"{text} is no number in JSON", text, 0)
 
 
-async def read_chunks(request: Request, longest_s: float) -> AsyncIterator[bytes]:
+async def read_chunks(request: Request, longest_s: float) -> abc.AsyncIterator[bytes]:
     """The body in pieces of about a megabyte; TooSlow where it does not come within that time, or stops."""
     stream = request.stream().__aiter__()
     waiting = bytearray()

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Annotated
 from urllib.parse import urlsplit
 
-from fastapi import Depends, Request
+import fastapi
 
 from scaling_service.service.http import problems
 from scaling_service.service.jobs.service import Service
@@ -35,7 +35,7 @@ class Callers:
         self._database, self._loopback = service.store.database, loopback
         self._limit = RateLimit(service.settings.request_rate, service.settings.request_burst)
 
-    def owner(self, request: Request) -> str:
+    def owner(self, request: fastapi.Request) -> str:
         """The owner on whose behalf a request comes; it asks the store, so call it in a thread.
 
         A refused request counts for its address, any other for its key: wrong keys lock out no right one.
@@ -56,7 +56,7 @@ class Callers:
         self._count(caller)
         return owner
 
-    def _recognise(self, request: Request, address: str) -> tuple[str, str]:
+    def _recognise(self, request: fastapi.Request, address: str) -> tuple[str, str]:
         """The owner, and who it is whose requests are counted."""
         given = request.headers.get("authorization")
         if given is not None:
@@ -87,7 +87,7 @@ class Callers:
         if wait_s > 0.0:
             raise problems.TooManyRequests(wait_s)
 
-    def _check_key(self, request: Request, given: str) -> tuple[str, str]:
+    def _check_key(self, request: fastapi.Request, given: str) -> tuple[str, str]:
         scheme, _, token = given.partition(" ")
         if scheme.lower() != "bearer":
             raise problems.KeyNeeded(
@@ -112,7 +112,7 @@ def _is_this_machine(host: str) -> bool:
     return bool(name) and is_loopback(name)
 
 
-def _is_foreign(request: Request) -> bool:
+def _is_foreign(request: fastapi.Request) -> bool:
     """Whether a page of another site asks (Fetch standard; Fetch Metadata Request Headers)."""
     headers = request.headers
     origin = headers.get("origin")
@@ -121,19 +121,19 @@ def _is_foreign(request: Request) -> bool:
     return headers.get("sec-fetch-site", "none") not in ("same-origin", "none")
 
 
-def _find_owner(request: Request) -> str:
+def _find_owner(request: fastapi.Request) -> str:
     callers: Callers = request.app.state.callers
     return callers.owner(request)
 
 
-async def _find_service(request: Request) -> Service:
+async def _find_service(request: fastapi.Request) -> Service:
     service: Service = request.app.state.service
     return service
 
 
-Owner = Annotated[str, Depends(_find_owner)]  # of a route: the owner whose things it may see
+Owner = Annotated[str, fastapi.Depends(_find_owner)]  # of a route: the owner whose things it may see
 
-ServiceDep = Annotated[Service, Depends(_find_service)]  # of a route: what it asks
+ServiceDep = Annotated[Service, fastapi.Depends(_find_service)]  # of a route: what it asks
 
 
 class RateLimit:

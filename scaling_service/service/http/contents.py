@@ -8,27 +8,26 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections import abc
 from datetime import UTC, datetime
 from http import HTTPStatus
 from pathlib import PurePosixPath
 from typing import IO, Any, BinaryIO, cast
 from urllib.parse import quote, unquote
 
-from fastapi import APIRouter, Request, Response
+import fastapi
 
-from scaling_service.documents.service import Link, LinkRequest
-from scaling_service.service.http import callers, problems
-from scaling_service.service.http.bodies import in_writer_thread, read_model
+from scaling_service.documents import service as contracts
+from scaling_service.service.http import bodies, callers, problems
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.streams import BoundedResponse
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.tables import FileRow
 
-router = APIRouter(prefix="/v1/links", tags=["jobs"])
+router = fastapi.APIRouter(prefix="/v1/links", tags=["jobs"])
 
-DOCUMENTS = (LinkRequest,)
+DOCUMENTS = (contracts.LinkRequest,)
 EXAMPLE: dict[str, Any] = {"path": f"/v1/jobs/{'0' * 64}/files.zip"}
 
 _FILE = re.compile(r"/v1/(jobs/[0-9a-f]{64}/(files\.zip|files/.+)|subjects/[^/]+/files/[^/]+)")
@@ -56,7 +55,7 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """Of every entry of an archive: the first moment that the format knows, so that archives are reproducible."""
 
 
-def is_cached(request: Request, tag: str) -> bool:
+def is_cached(request: fastapi.Request, tag: str) -> bool:
     """Whether the client has the version of this entity tag already."""
     given = request.headers.get("if-none-match", "")
     known = {one.strip().removeprefix("W/") for one in given.split(",")}
@@ -69,12 +68,12 @@ def make_cache_headers(version: object) -> dict[str, str]:
 
 
 def answer_unless_cached(
-    request: Request, version: object, answer: Callable[[dict[str, str]], Response]
-) -> Response:
+    request: fastapi.Request, version: object, answer: abc.Callable[[dict[str, str]], fastapi.Response]
+) -> fastapi.Response:
     """The answer, made with its headers, or 304 for a client that has this version."""
     headers = make_cache_headers(version)
     if is_cached(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
+        return fastapi.Response(status_code=304, headers=headers)
     return answer(headers)
 
 
@@ -87,11 +86,11 @@ def describe_file_responses(schema: dict[str, str]) -> problems.Responses:
     }
 
 
-def send_stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
+def send_stored_file(request: fastapi.Request, blobs: Blobs, file: FileRow) -> fastapi.Response:
     """A stored file as an answer, or the range of it that is asked for."""
     headers = make_cache_headers(file.sha256)
     if is_cached(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
+        return fastapi.Response(status_code=304, headers=headers)
     same = request.headers.get("if-range", headers["ETag"]) == headers["ETag"]
     part = parse_range(request.headers.get("range") if same else None, file.size)
     opened = blobs.open(file.sha256)
@@ -141,7 +140,7 @@ def parse_range(header: str | None, size: int) -> range | None:
     return wanted
 
 
-def _read_pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
+def _read_pieces(opened: BinaryIO, sent: range) -> abc.Iterator[bytes]:
     with opened:
         opened.seek(sent.start)
         left = len(sent)
@@ -161,7 +160,7 @@ class _Pieces(list[bytes]):
         """Nothing is held back."""
 
 
-def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
+def zip_files(files: abc.Sequence[FileRow], opened: abc.Callable[[str], BinaryIO]) -> abc.Iterator[bytes]:
     """A zip of files, whose contents are opened by digest, in pieces; the same files give the same bytes."""
     pieces = _Pieces()
     with zipfile.ZipFile(cast("IO[bytes]", pieces), "w") as packed:
@@ -180,15 +179,19 @@ def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> It
     "",
     status_code=HTTPStatus.CREATED,
     responses=problems.describe_refusals(400, 408, 413, 415, 507),
-    openapi_extra=describe_json_body(EXAMPLE, LinkRequest),
+    openapi_extra=describe_json_body(EXAMPLE, contracts.LinkRequest),
 )
-async def make_link(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Link:
+async def make_link(
+    request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.Link:
     """Make a link to a file that works without a key, for a minute or for as long as is said.
 
     Browsers send no key when they open a link or stream a download to the disk, and a colleague has none.
     Whoever has the link can fetch that file, and nothing else, until then.
     """
-    asked = await read_model(LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days")
+    asked = await bodies.read_model(
+        contracts.LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days"
+    )
     wanted = unquote(asked.path)
     if not _FILE.fullmatch(wanted):
         raise RequestInvalid(
@@ -196,8 +199,8 @@ async def make_link(request: Request, owner: callers.Owner, service: callers.Ser
             field="path",
             remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
         )
-    ticket, until_us = await in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
-    return Link(
+    ticket, until_us = await bodies.in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
+    return contracts.Link(
         path=f"{quote(wanted)}?{callers.PARAMETER}={ticket}",
         until=datetime.fromtimestamp(until_us / 1e6, UTC),
     )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from functools import cache, partial
+from collections import abc
 from html import escape
 from typing import Any
 
-from fastapi import APIRouter, FastAPI, Request
+import fastapi
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 from markdown_it import MarkdownIt
@@ -18,7 +18,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaMode, models_json
 
 from scaling_service.service.jobs.kinds import Kind
 
-router = APIRouter(include_in_schema=False)
+router = fastapi.APIRouter(include_in_schema=False)
 
 _STYLE = """
 :root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 20%, transparent); }
@@ -45,14 +45,12 @@ _ANYWHERE: list[dict[str, list[str]]] = [{"key": []}, {}]
 
 
 _REFERENCE = "#/components/schemas/{model}"
+RESULT = {"$ref": _REFERENCE.format(model="JobResult")}
+"""The schema of what a job finds: one of the kinds' results."""
 
 
 def _make_reference(name: str) -> dict[str, str]:
     return {"$ref": _REFERENCE.format(model=name)}
-
-
-RESULT = _make_reference("JobResult")
-"""The schema of what a job finds: one of the kinds' results."""
 
 
 def describe_json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:
@@ -74,25 +72,25 @@ class _Schema(GenerateJsonSchema):
 
 
 def install(
-    app: FastAPI,
-    kinds: Mapping[str, Kind],
-    bodies: Iterable[type[BaseModel]],
-    answers: Iterable[type[BaseModel]],
+    app: fastapi.FastAPI,
+    kinds: abc.Mapping[str, Kind],
+    bodies: abc.Iterable[type[BaseModel]],
+    answers: abc.Iterable[type[BaseModel]],
 ) -> None:
     """Have the application describe itself, once.
 
     What is asked of the kinds of jobs and what they find is described, and the models of bodies and answers
     that no route's signature tells of.
     """
-    made = partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
-    app.openapi = cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
+    made = functools.partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
+    app.openapi = functools.cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
 
 
 def _make_document(
-    app: FastAPI,
-    kinds: Mapping[str, Kind],
-    bodies: Iterable[type[BaseModel]],
-    answers: Iterable[type[BaseModel]],
+    app: fastapi.FastAPI,
+    kinds: abc.Mapping[str, Kind],
+    bodies: abc.Iterable[type[BaseModel]],
+    answers: abc.Iterable[type[BaseModel]],
 ) -> dict[str, Any]:
     asked = {*bodies, *(kind.request for kind in kinds.values() if kind.route is not None)}
     results = {kind.result for kind in kinds.values() if kind.result is not None}
@@ -108,7 +106,13 @@ def _make_document(
         tags=app.openapi_tags,
     )
     components = found.setdefault("components", {})
-    components["schemas"] = _merge(components.get("schemas", {}), more["$defs"])
+    # Schemas by name; what has one name must be one thing.
+    known = components.get("schemas", {})
+    added = more["$defs"]
+    for twice in known.keys() & added.keys():
+        if known[twice].get("properties", {}).keys() != added[twice].get("properties", {}).keys():
+            raise ValueError(f"two models are called {twice}")
+    components["schemas"] = known | added
     names = sorted(model.__name__ for model in results)
     components["schemas"]["JobResult"] = {"anyOf": [_make_reference(name) for name in names]} if names else {}
     components["securitySchemes"] = _SECURITY
@@ -121,22 +125,14 @@ def _make_document(
     return found
 
 
-def _merge(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
-    """Schemas by name; what has one name must be one thing."""
-    for name in known.keys() & more.keys():
-        if known[name].get("properties", {}).keys() != more[name].get("properties", {}).keys():
-            raise ValueError(f"two models are called {name}")
-    return known | more
-
-
 @router.get("/docs", response_class=HTMLResponse)
-async def docs(request: Request) -> HTMLResponse:
+async def docs(request: fastapi.Request) -> HTMLResponse:
     """Show all routes."""
     content = render(request.app.openapi(), str(request.base_url).rstrip("/"))
     return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY})
 
 
-def render(document: Mapping[str, Any], server: str) -> str:
+def render(document: abc.Mapping[str, Any], server: str) -> str:
     """The page of an OpenAPI document; its examples go to the server."""
     title = escape(document["info"]["title"])
     return (
@@ -146,50 +142,49 @@ def render(document: Mapping[str, Any], server: str) -> str:
     )
 
 
-def describe(document: Mapping[str, Any], server: str) -> str:
+def describe(document: abc.Mapping[str, Any], server: str) -> str:
     """Describe every route of an OpenAPI document in Markdown, each with a command that can be pasted."""
+    routes: list[str] = []
+    for tag, title in _TITLES.items():
+        routes.append(f"## {title}")
+        for path, operations in document["paths"].items():
+            for method, operation in operations.items():
+                if tag in operation.get("tags", ()):
+                    routes.append(f"### {method.upper()} {path}")
+                    routes.append(re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip()))
+                    routes.append(_list_fields(operation, document["components"]["schemas"]))
+                    routes.append(
+                        f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
+                    )
+                    routes.append(_list_answers(operation["responses"]))
     return "\n\n".join(
         [
             "# The HTTP interface",
             document["info"]["description"],
             "`/openapi.json` is the same for programs. Where the service has keys, add "
             "`-H 'Authorization: Bearer KEY'` to every command.",
-            *_describe_routes(document, server),
+            *routes,
         ]
     )
 
 
-def _describe_routes(document: Mapping[str, Any], server: str) -> Iterator[str]:
-    for tag, title in _TITLES.items():
-        yield f"## {title}"
-        for path, operations in document["paths"].items():
-            for method, operation in operations.items():
-                if tag in operation.get("tags", ()):
-                    yield f"### {method.upper()} {path}"
-                    yield re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip())
-                    yield _list_fields(operation, document["components"]["schemas"])
-                    yield f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
-                    yield _list_answers(operation["responses"])
-
-
-def _list_fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> str:
+def _list_fields(operation: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:
     """What is given in the address and the body, and what it means."""
     fields = {p["name"]: p.get("description", "") for p in operation.get("parameters", ())}
     body = operation.get("requestBody", {}).get("content", {}).get("application/json")
     if body is not None:
         named = body["schema"].get("$ref") or body["schema"]["anyOf"][0]["$ref"]
         properties = schemas[named.rpartition("/")[2]]["properties"]
-        fields |= {name: _say(field, schemas) for name, field in properties.items()}
+        meanings = {}
+        for name, field in properties.items():
+            # What a field means: its own words, else those of what it holds.
+            held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
+            meanings[name] = str(field.get("description") or held.get("description", ""))
+        fields |= meanings
     return "\n".join(f"- `{name}`{f': {said}' if said else ''}" for name, said in fields.items())
 
 
-def _say(field: Mapping[str, Any], schemas: Mapping[str, Any]) -> str:
-    """What a field means: its own words, else those of what it holds."""
-    held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
-    return str(field.get("description") or held.get("description", ""))
-
-
-def _list_answers(answers: Mapping[str, Mapping[str, Any]]) -> str:
+def _list_answers(answers: abc.Mapping[str, abc.Mapping[str, Any]]) -> str:
     """What comes back: each answer in words, and the codes of problems."""
     said = {
         code: answer["description"].replace("Successful Response", "") for code, answer in answers.items()
@@ -199,7 +194,7 @@ def _list_answers(answers: Mapping[str, Mapping[str, Any]]) -> str:
     return f"Answers: {', '.join(good)}." + (f" Problems: {', '.join(problems)}." if problems else "")
 
 
-def _write_curl_command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
+def _write_curl_command(path: str, method: str, operation: abc.Mapping[str, Any], server: str) -> str:
     """The request as a curl command."""
     address = server + path.replace("{subject}", "S01").replace("{job}", "JOB").replace("{name}", "walk.trc")
     content = operation.get("requestBody", {}).get("content", {})

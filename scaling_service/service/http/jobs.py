@@ -9,28 +9,24 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections import abc
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Query, Request, Response
+import fastapi
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from scaling_service.documents import service as contracts
 from scaling_service.documents.jobs import State
-from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
-from scaling_service.service.http import contents, subjects
-from scaling_service.service.http.bodies import in_writer_thread, read_json
-from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.documentation import RESULT, describe_json_body
+from scaling_service.service.http import bodies, callers, contents, documentation, streams, subjects
 from scaling_service.service.http.problems import describe_refusals
-from scaling_service.service.http.streams import BOUNDED, BoundedResponse
 from scaling_service.service.jobs.kinds import Kind
-from scaling_service.service.store.errors import NotFound, StoreUnavailable
+from scaling_service.service.store import errors
 from scaling_service.service.store.tables import JobRow
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = fastapi.APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 _EVENT: dict[str, Any] = {
     "type": "object",
@@ -47,31 +43,31 @@ LOOK_S = 0.25  # between two looks at the job. Chosen: faster than a person read
 QUIET_S = 15.0
 """A comment is sent after so long without news. Chosen: well under the minute of usual proxies."""
 
-JobId = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="The job's id.")]
+JobId = Annotated[str, fastapi.Path(pattern="^[0-9a-f]{64}$", description="The job's id.")]
 _Kind = Annotated[
-    str | None, Query(pattern=r"^[a-z0-9\-]*$", max_length=100, description="Only jobs of this kind.")
+    str | None, fastapi.Query(pattern=r"^[a-z0-9\-]*$", max_length=100, description="Only jobs of this kind.")
 ]
 _Subject = Annotated[
     str | None,
-    Query(
+    fastapi.Query(
         pattern=r"^[\p{L}\p{N}_ .\-]*$",
         max_length=100,
         description="Only jobs that rest on this subject's data.",
     ),
 ]
 _Seen = Annotated[
-    str | None, Header(alias="Last-Event-ID", max_length=30, description="The last event that came.")
+    str | None, fastapi.Header(alias="Last-Event-ID", max_length=30, description="The last event that came.")
 ]
 
 
-def as_document(row: JobRow) -> JobDocument:
+def as_document(row: JobRow) -> contracts.JobDocument:
     """A job as it travels."""
     here = f"/v1/jobs/{row.id}"
-    return JobDocument(
+    return contracts.JobDocument(
         id=row.id,
         kind=row.kind,
         state=row.state,
-        progress=Progress(what=row.progress_what, share=row.progress_share),
+        progress=contracts.Progress(what=row.progress_what, share=row.progress_share),
         attempt=row.attempt,
         revision=row.revision,
         created_at=subjects.as_datetime(row.created_us),
@@ -93,27 +89,29 @@ def _answer(
 
 @router.get("", responses=describe_refusals())
 def list_jobs(
-    owner: Owner,
-    service: ServiceDep,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
     state: State | None = None,
     kind: _Kind = None,
     subject: _Subject = None,
     cursor: subjects.Cursor = None,
     limit: subjects.Size = 50,
-) -> JobPage:
+) -> contracts.JobPage:
     """List jobs, newest first."""
     page = service.jobs(
         owner, state=state, kind=kind or None, subject=subject or None, cursor=cursor or None, limit=limit
     )
-    return JobPage(items=[as_document(row) for row in page.items], next=page.following)
+    return contracts.JobPage(items=[as_document(row) for row in page.items], next=page.following)
 
 
 @router.get(
     "/{job}",
-    response_model=JobDocument,
+    response_model=contracts.JobDocument,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_job(
+    job: JobId, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> fastapi.Response:
     """Look at a job."""
     row = service.job(owner, job)
     return contents.answer_unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
@@ -122,21 +120,21 @@ def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> 
 @router.delete(
     "/{job}",
     status_code=HTTPStatus.ACCEPTED,
-    response_model=JobDocument,
+    response_model=contracts.JobDocument,
     response_description="It was not over and is being cancelled",
     responses=describe_refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
-def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
+def delete_job(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> fastapi.Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""
     if service.job(owner, job).state.is_over:
         service.delete_job(owner, job)
-        return Response(status_code=HTTPStatus.NO_CONTENT)
+        return fastapi.Response(status_code=HTTPStatus.NO_CONTENT)
     return _answer(service.cancel(owner, job), HTTPStatus.ACCEPTED)
 
 
 @router.get(
     "/{job}/events",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {
         200: {
@@ -145,22 +143,26 @@ def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
         },
         204: {"description": "It is over, and its last event was seen"},
     },
-    dependencies=BOUNDED,
+    dependencies=streams.BOUNDED,
 )
 async def get_events(
-    job: JobId, request: Request, owner: Owner, service: ServiceDep, last_event_id: _Seen = None
-) -> Response:
+    job: JobId,
+    request: fastapi.Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
+    last_event_id: _Seen = None,
+) -> fastapi.Response:
     """Follow a job's progress as server-sent events; ids are revisions of the job."""
     row = await run_in_threadpool(service.job, owner, job)
     seen = int(last_event_id) if last_event_id is not None and last_event_id.isdecimal() else -1
     if row.state.is_over and row.revision <= seen:
-        return Response(status_code=HTTPStatus.NO_CONTENT)
+        return fastapi.Response(status_code=HTTPStatus.NO_CONTENT)
 
-    async def look() -> JobDocument:
+    async def look() -> contracts.JobDocument:
         return as_document(await run_in_threadpool(service.job, owner, job))
 
     longest_s = service.settings.limit_stream_s
-    return BoundedResponse(
+    return streams.BoundedResponse(
         stream_events(as_document(row), look, seen, request.app.state.stopping, longest_s),
         longest_s=longest_s + QUIET_S,  # for who reads it; who does not is cut off
         media_type="text/event-stream",
@@ -170,48 +172,50 @@ async def get_events(
 
 @router.get(
     "/{job}/result",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {
-        200: {"description": "The result", "content": {"application/json": {"schema": RESULT}}},
+        200: {"description": "The result", "content": {"application/json": {"schema": documentation.RESULT}}},
         304: {"description": "Unchanged"},
     },
 )
-def get_result(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_result(
+    job: JobId, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> fastapi.Response:
     """Fetch the result of a job that is done; what it holds depends on the job's kind."""
     row, text = service.job(owner, job), service.result(owner, job)
     if text is None:
         raise _report_no_result(row)
     version = f"{job[:16]}-{row.attempt}"
     return contents.answer_unless_cached(
-        request, version, lambda h: Response(text, headers=h, media_type="application/json")
+        request, version, lambda h: fastapi.Response(text, headers=h, media_type="application/json")
     )
 
 
 @router.get("/{job}/origin", responses=describe_refusals(404))
-def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
+def get_origin(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> contracts.Origin:
     """See how to get the result again: what was asked for, inputs, code, machine, attempts."""
     made = service.provenance(owner, job)
-    return Origin(
-        specification=Specification.model_validate_json(service.specification(owner, job)),
+    return contracts.Origin(
+        specification=contracts.Specification.model_validate_json(service.specification(owner, job)),
         provenance=None if made is None else json.loads(made),
     )
 
 
 @router.get("/{job}/files", responses=describe_refusals(404))
-def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
+def list_files(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> contracts.FileList:
     """List what a job made."""
-    return FileList(items=subjects.list_file_entries(service.files(owner, job)))
+    return contracts.FileList(items=subjects.list_file_entries(service.files(owner, job)))
 
 
 @router.get(
     "/{job}/files.zip",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
-    dependencies=BOUNDED,
+    dependencies=streams.BOUNDED,
 )
-def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
+def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> fastapi.Response:
     """Download all that a job made as one zip."""
     row, files = service.job(owner, job), service.files(owner, job)
     if not files:
@@ -222,40 +226,40 @@ def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     }
     stream = contents.zip_files(files, service.store.blobs.open)
     longest_s = service.settings.limit_stream_s
-    return BoundedResponse(stream, longest_s=longest_s, media_type="application/zip", headers=headers)
+    return streams.BoundedResponse(stream, longest_s=longest_s, media_type="application/zip", headers=headers)
 
 
 @router.get(
     "/{job}/files/{path:path}",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=contents.describe_file_responses({"type": "string"}),
-    dependencies=BOUNDED,
+    dependencies=streams.BOUNDED,
 )
 def get_file(
     job: JobId,
-    path: Annotated[str, Path(max_length=512)],
-    request: Request,
-    owner: Owner,
-    service: ServiceDep,
-) -> Response:
+    path: Annotated[str, fastapi.Path(max_length=512)],
+    request: fastapi.Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
+) -> fastapi.Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.file(owner, job, path)
     return contents.send_stored_file(request, service.store.blobs, row)
 
 
-def _report_no_result(row: JobRow) -> NotFound:
+def _report_no_result(row: JobRow) -> errors.NotFound:
     if not row.state.is_over:
         remedy = "Wait until the job is done; its events tell"
     elif row.failure is not None:
         remedy = f"It failed: {row.failure}"
     else:
         remedy = "Ask for it again"
-    return NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
+    return errors.NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
 
 
-def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
+def make_submission_routes(kinds: abc.Mapping[str, Kind]) -> fastapi.APIRouter:
     """The routes that ask for jobs, one for each kind that can be asked for by itself."""
-    router = APIRouter(prefix="/v1", tags=["asking"])
+    router = fastapi.APIRouter(prefix="/v1", tags=["asking"])
     for name, kind in kinds.items():
         if kind.route is None:
             continue
@@ -267,11 +271,11 @@ def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
             summary=summary.strip().rstrip("."),
             description=f"{summary.strip()}\n{more.strip()}{result}",
             status_code=HTTPStatus.ACCEPTED,
-            response_model=JobDocument,
+            response_model=contracts.JobDocument,
             response_description="It waits or runs",
             responses=describe_refusals(400, 404, 408, 413, 415, 507)
-            | {200: {"model": JobDocument, "description": "It was done before"}},
-            openapi_extra=describe_json_body(make_example(kind.request), kind.request),
+            | {200: {"model": contracts.JobDocument, "description": "It was done before"}},
+            openapi_extra=documentation.describe_json_body(make_example(kind.request), kind.request),
         )(_make_submission(name))
     return router
 
@@ -283,10 +287,14 @@ def make_example(model: type[BaseModel]) -> dict[str, Any]:
     }
 
 
-def _make_submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaitable[Response]]:
-    async def ask(request: Request, owner: Owner, service: ServiceDep) -> Response:
-        asked = await read_json(request)
-        row, _ = await in_writer_thread(service.ask, owner, kind, asked)
+def _make_submission(
+    kind: str,
+) -> abc.Callable[[fastapi.Request, callers.Owner, callers.ServiceDep], abc.Awaitable[fastapi.Response]]:
+    async def ask(
+        request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+    ) -> fastapi.Response:
+        asked = await bodies.read_json(request)
+        row, _ = await bodies.in_writer_thread(service.ask, owner, kind, asked)
         status = HTTPStatus.OK if row.state is State.DONE else HTTPStatus.ACCEPTED
         return _answer(row, status, {"Location": f"/v1/jobs/{row.id}"})
 
@@ -294,12 +302,12 @@ def _make_submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaita
 
 
 async def stream_events(
-    first: JobDocument,
-    look: Callable[[], Awaitable[JobDocument]],
+    first: contracts.JobDocument,
+    look: abc.Callable[[], abc.Awaitable[contracts.JobDocument]],
     seen: int,
     stopping: asyncio.Event,
     longest_s: float,
-) -> AsyncIterator[str]:
+) -> abc.AsyncIterator[str]:
     """The events of a job from the revision ``seen`` on, until it is over, the server stops, or time is up.
 
     Who follows it then asks again, from the last event that came.
@@ -319,10 +327,10 @@ async def stream_events(
             return
         try:
             document = await look()
-        except NotFound:
+        except errors.NotFound:
             yield _format_event("gone", "{}")
             return
-        except StoreUnavailable:
+        except errors.StoreUnavailable:
             continue  # the client keeps what it knows; the store comes back by itself
 
 

@@ -7,27 +7,16 @@ from functools import cache
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+import fastapi
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.words import describe_effect
 from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.documents.service import (
-    CoordinateWord,
-    ExampleList,
-    MarkerMap,
-    MarkerMapDocument,
-    MarkerWord,
-    MethodWord,
-    ModelWord,
-    Vocabulary,
-)
-from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
-from scaling_service.service.http.bodies import in_writer_thread, read_model
-from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.documents import service as contracts
+from scaling_service.model import builtin
+from scaling_service.service.http import bodies, callers
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.subjects import as_datetime
@@ -35,45 +24,45 @@ from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import MarkerMapRow
 from scaling_service.virtual import example
 
-router = APIRouter(prefix="/v1", tags=["subjects"])
+router = fastapi.APIRouter(prefix="/v1", tags=["subjects"])
 
-DOCUMENTS = (MarkerMap,)  # what a map of labels follows
+DOCUMENTS = (contracts.MarkerMap,)  # what a map of labels follows
 
 EXAMPLE: dict[str, Any] = {"labels": {"RKN": "RLFE", "LKN": "LLFE"}}
 
 _FEET = {"calcn_r", "calcn_l"}  # segments that the ground's forces act on
 
-Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
+Persons = Annotated[int, fastapi.Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
 
 
 @router.post(
     "/examples",
     status_code=HTTPStatus.CREATED,
     responses=describe_refusals(409, 413, 507)
-    | {200: {"model": ExampleList, "description": "They were there"}},
+    | {200: {"model": contracts.ExampleList, "description": "They were there"}},
 )
 async def put_examples(
-    request: Request, response: Response, owner: Owner, persons: Persons = 1
-) -> ExampleList:
+    request: fastapi.Request, response: fastapi.Response, owner: callers.Owner, persons: Persons = 1
+) -> contracts.ExampleList:
     """Put the built-in example among the caller's subjects.
 
     It is a virtual person with recordings of standing, hip and knee movements and walking, with bones and
     image markers. In the recordings two things are hidden for a discovery to find. It takes seconds.
     """
     examples: Examples = request.app.state.examples
-    names, new = await in_writer_thread(examples.put, owner, persons)
+    names, new = await bodies.in_writer_thread(examples.put, owner, persons)
     response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
-    return ExampleList(subjects=names)
+    return contracts.ExampleList(subjects=names)
 
 
 @router.get("/vocabulary", responses=describe_refusals())
-def get_vocabulary(owner: Owner) -> Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
+def get_vocabulary(owner: callers.Owner) -> contracts.Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
     """List the built-in models with their markers, the methods, and the bones that can be given."""
     return list_vocabulary()
 
 
 @router.get("/marker-map", responses=describe_refusals())
-def get_marker_map(owner: Owner, service: ServiceDep) -> MarkerMapDocument:
+def get_marker_map(owner: callers.Owner, service: callers.ServiceDep) -> contracts.MarkerMapDocument:
     """Look at the laboratory's marker map: which label is which marker. It is empty until one is given."""
     return _make_document(service.marker_map(owner))
 
@@ -81,31 +70,59 @@ def get_marker_map(owner: Owner, service: ServiceDep) -> MarkerMapDocument:
 @router.put(
     "/marker-map",
     responses=describe_refusals(400, 408, 413, 415, 507),
-    openapi_extra=describe_json_body(EXAMPLE, MarkerMap),
+    openapi_extra=describe_json_body(EXAMPLE, contracts.MarkerMap),
 )
-async def put_marker_map(request: Request, owner: Owner, service: ServiceDep) -> MarkerMapDocument:
+async def put_marker_map(
+    request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.
 
     It is one for each owner of keys. Give its `labels` with a request for a proof, and they are proposed.
     """
     remedy = "Give texts of 1 to 200 letters, label first, under `labels`"
-    given = await read_model(MarkerMap, request, remedy)
-    return _make_document(await in_writer_thread(service.put_marker_map, owner, given.labels))
+    given = await bodies.read_model(contracts.MarkerMap, request, remedy)
+    return _make_document(await bodies.in_writer_thread(service.put_marker_map, owner, given.labels))
 
 
-def _make_document(row: MarkerMapRow | None) -> MarkerMapDocument:
+def _make_document(row: MarkerMapRow | None) -> contracts.MarkerMapDocument:
     if row is None:
-        return MarkerMapDocument(labels={}, updated_at=None)
-    return MarkerMapDocument(labels=json.loads(row.document), updated_at=as_datetime(row.updated_us))
+        return contracts.MarkerMapDocument(labels={}, updated_at=None)
+    return contracts.MarkerMapDocument(
+        labels=json.loads(row.document), updated_at=as_datetime(row.updated_us)
+    )
 
 
 @cache
-def list_vocabulary() -> Vocabulary:
+def list_vocabulary() -> contracts.Vocabulary:
     """All names that come with the product."""
-    return Vocabulary(
-        models=[_describe_model(load_builtin(name)) for name in BUILTIN_NAMES],
+    hidden_in_example = []
+    for one in (example.SLIDING, example.SWAPPED):
+        trials = () if one.trial is None else (one.trial,)
+        sizes = {name: QuantityDocument(value=value, sd=None) for name, value in one.parameters.items()}
+        hidden_in_example.append(describe_effect(one.kind, one.where, one.driver, trials, sizes))
+    models = []
+    for name in builtin.BUILTIN_NAMES:
+        model = builtin.load_builtin(name)
+        models.append(
+            contracts.ModelWord(
+                name=model.name,
+                segments=list(model.segment_names),
+                markers=[
+                    contracts.MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
+                    for m in model.markers
+                    if m.weight > 0.0
+                ],
+                coordinates=[
+                    contracts.CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
+                    for c in model.coordinates
+                ],
+                feet=set(model.segment_names) >= _FEET,
+            )
+        )
+    return contracts.Vocabulary(
+        models=models,
         methods=[
-            MethodWord(
+            contracts.MethodWord(
                 name=name,
                 meaning=m.title,
                 starts_from=m.needs,
@@ -115,28 +132,5 @@ def list_vocabulary() -> Vocabulary:
         ],
         bones=list(BONES),
         gait_angles=list_gait_angles(),
-        hidden_in_example=[_write_sentence(one) for one in (example.SLIDING, example.SWAPPED)],
-    )
-
-
-def _write_sentence(hidden: example.Hidden) -> str:
-    trials = () if hidden.trial is None else (hidden.trial,)
-    sizes = {name: QuantityDocument(value=value, sd=None) for name, value in hidden.parameters.items()}
-    return describe_effect(hidden.kind, hidden.where, hidden.driver, trials, sizes)
-
-
-def _describe_model(model: BodyModel) -> ModelWord:
-    return ModelWord(
-        name=model.name,
-        segments=list(model.segment_names),
-        markers=[
-            MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
-            for m in model.markers
-            if m.weight > 0.0
-        ],
-        coordinates=[
-            CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
-            for c in model.coordinates
-        ],
-        feet=set(model.segment_names) >= _FEET,
+        hidden_in_example=hidden_in_example,
     )

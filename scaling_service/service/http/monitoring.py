@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+import fastapi
 from prometheus_client import (
     CONTENT_TYPE_LATEST,
     CollectorRegistry,
@@ -24,14 +24,13 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.core.errors import InputError
-from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.problems import answer_problem, describe_refusals
+from scaling_service.service.http import callers, problems
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import code_places
 
 log = logging.getLogger(__name__)
-router = APIRouter(tags=["monitoring"])
+router = fastapi.APIRouter(tags=["monitoring"])
 
 FRESH_S = 1.0  # a check or a count is not repeated sooner. Chosen: whoever asks often costs nothing.
 
@@ -65,8 +64,8 @@ async def health() -> dict[str, str]:
     return {"status": "alive", "code_version": code_version()}
 
 
-@router.get("/ready", responses=_ANSWER | describe_refusals())
-def ready(request: Request) -> dict[str, str]:
+@router.get("/ready", responses=_ANSWER | problems.describe_refusals())
+def ready(request: fastapi.Request) -> dict[str, str]:
     """Say whether database and disk answer, so that requests can be taken."""
     request.app.state.recent.check()
     return {"status": "ready"}
@@ -74,14 +73,16 @@ def ready(request: Request) -> dict[str, str]:
 
 @router.get(
     "/metrics",
-    response_class=Response,
-    responses=describe_refusals()
+    response_class=fastapi.Response,
+    responses=problems.describe_refusals()
     | {200: {"description": "Figures", "content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
-def metrics(request: Request, _owner: Owner, _service: ServiceDep) -> Response:
+def metrics(
+    request: fastapi.Request, _owner: callers.Owner, _service: callers.ServiceDep
+) -> fastapi.Response:
     """Give figures in Prometheus' text format."""
     registry: CollectorRegistry = request.app.state.registry
-    return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+    return fastapi.Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 class Recent:
@@ -160,7 +161,7 @@ class RequestMonitor:
             log.error("a request failed", extra={"error": type(error).__name__, "at": code_places(error)})
             if status:
                 raise _CutShort from None
-            await answer_problem(_DEFECT, 500)(scope, receive, sending)
+            await problems.answer_problem(_DEFECT, 500)(scope, receive, sending)
         finally:
             self._open.dec()
             whole_s = time.perf_counter() - begun

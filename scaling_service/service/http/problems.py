@@ -5,7 +5,7 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Any
 
-from fastapi import FastAPI, Request
+import fastapi
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
@@ -137,20 +137,20 @@ def describe_refusals(*statuses: int) -> Responses:
     }
 
 
-def install(app: FastAPI) -> None:
+def install(app: fastapi.FastAPI) -> None:
     """Let every error leave as a problem document."""
 
-    async def answer_refused(_request: Request, error: Exception) -> JSONResponse:
+    async def answer_refused(_request: fastapi.Request, error: Exception) -> JSONResponse:
         assert isinstance(error, InputError)
         return answer_problem(error)
 
-    async def answer_invalid(_request: Request, error: Exception) -> JSONResponse:
+    async def answer_invalid(_request: fastapi.Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
         where, said = ".".join(str(part) for part in first["loc"][1:]), str(first["msg"])
         return answer_problem(RequestInvalid(said, field=where, remedy="Correct it; /docs shows examples"))
 
-    async def answer_no_route(request: Request, error: Exception) -> JSONResponse:
+    async def answer_no_route(request: fastapi.Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
         phrase = HTTPStatus(error.status_code).phrase
         answer = answer_problem(
@@ -165,7 +165,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, answer_no_route)
 
 
-def list_allowed_methods(app: FastAPI, scope: Scope) -> set[str]:
+def list_allowed_methods(app: fastapi.FastAPI, scope: Scope) -> set[str]:
     """All methods that some route answers at the path of a request."""
     return {
         method

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import resource
 import signal
@@ -10,7 +11,6 @@ import socket
 import ssl
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from types import FrameType
 
 import h11
@@ -20,9 +20,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.http.app import create_app
+from scaling_service.service.jobs import settings as jobs_settings
 from scaling_service.service.jobs.process import RunnerProcess, log_as_json
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.jobs.settings import ServiceSettings, SettingsRefused, is_loopback
 from scaling_service.service.store import keys
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ _OWN_FILES = 200  # of these, kept back for databases, uploads and logs. Chosen.
 _BACKLOG = 512
 
 
-def serve(settings: ServiceSettings) -> None:
+def serve(settings: jobs_settings.ServiceSettings) -> None:
     """Serve until SIGTERM or SIGINT; then end tidily.
 
     Jobs that run are given back to the queue, and go on at the next start.
@@ -47,16 +47,23 @@ def serve(settings: ServiceSettings) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _ENOUGH_FILES if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH_FILES)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
-    with closing(Service.open(settings)) as service:
+    with contextlib.closing(Service.open(settings)) as service:
         refuse_exposed(service)
         with _listen(settings) as listener:
             log_as_json()
-            if not is_loopback(settings.host) and settings.tls_key is None:
+            if not jobs_settings.is_loopback(settings.host) and settings.tls_key is None:
                 log.warning("keys and data go unencrypted unless a proxy speaks HTTPS")
             runner = RunnerProcess(settings)
             runner.start()
             try:
-                _run_server(service, listener)
+                chosen = service.settings
+                app = create_app(service, loopback=jobs_settings.is_loopback(chosen.host))
+                config = configure_server(app, chosen)
+                log_as_json("uvicorn", logging.WARNING)
+                host, port = listener.getsockname()[:2]
+                shown = f"[{host}]" if ":" in host else host
+                scheme = "https" if chosen.tls_key is not None else "http"
+                Server(config, f"Listening on {scheme}://{shown}:{port}, documented at /docs").run([listener])
             finally:
                 runner.stop()
 
@@ -65,15 +72,15 @@ def refuse_exposed(service: Service) -> None:
     """Stop before everyone in the network can see everything, or where HTTPS cannot be spoken."""
     settings = service.settings
     _check_tls(settings)
-    if not is_loopback(settings.host) and not keys.has_valid(service.store.database):
-        raise SettingsRefused(
+    if not jobs_settings.is_loopback(settings.host) and not keys.has_valid(service.store.database):
+        raise jobs_settings.SettingsRefused(
             f"whoever reaches {settings.host} could see and change everything, for there is no API key",
             field="host",
             remedy="Make one by `scaling-service keys create OWNER`, or listen on 127.0.0.1",
         )
 
 
-def _check_tls(settings: ServiceSettings) -> None:
+def _check_tls(settings: jobs_settings.ServiceSettings) -> None:
     """Whether what HTTPS needs is there and can be used."""
     certificate, key = settings.tls_certificate, settings.tls_key
     if certificate is None and key is None:
@@ -83,7 +90,7 @@ def _check_tls(settings: ServiceSettings) -> None:
             raise OSError("a certificate and its key are needed")
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
     except OSError as error:  # ssl.SSLError is one
-        raise SettingsRefused(
+        raise jobs_settings.SettingsRefused(
             f"HTTPS cannot be spoken: {error}",
             file=certificate,
             field="tls_certificate",
@@ -91,8 +98,8 @@ def _check_tls(settings: ServiceSettings) -> None:
         ) from None
 
 
-@contextmanager
-def _listen(settings: ServiceSettings) -> Iterator[socket.socket]:
+@contextlib.contextmanager
+def _listen(settings: jobs_settings.ServiceSettings) -> Iterator[socket.socket]:
     try:
         family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
         listener = socket.create_server(
@@ -120,7 +127,7 @@ class Server(uvicorn.Server):
         super().__init__(config)
         self._ready = ready
 
-    @contextmanager
+    @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         """Handle the signals that mean the end."""
         before = {
@@ -182,7 +189,7 @@ def limit_connections() -> int:
     return max(most - _OWN_FILES, most // 2)
 
 
-def configure_server(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
+def configure_server(app: FastAPI, settings: jobs_settings.ServiceSettings) -> uvicorn.Config:
     """How the server behaves: bounds on connections, no word about itself."""
     return uvicorn.Config(
         app,
@@ -197,14 +204,3 @@ def configure_server(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
         ssl_keyfile=settings.tls_key,
         ws="none",
     )
-
-
-def _run_server(service: Service, listener: socket.socket) -> None:
-    settings = service.settings
-    app = create_app(service, loopback=is_loopback(settings.host))
-    config = configure_server(app, settings)
-    log_as_json("uvicorn", logging.WARNING)
-    host, port = listener.getsockname()[:2]
-    shown = f"[{host}]" if ":" in host else host
-    scheme = "https" if settings.tls_key is not None else "http"
-    Server(config, f"Listening on {scheme}://{shown}:{port}, documented at /docs").run([listener])

@@ -8,15 +8,15 @@ import re
 from functools import lru_cache
 from pathlib import Path, PurePath
 
-from fastapi import APIRouter, Request, Response
+import fastapi
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from scaling_service.guide.site import make_site
 from scaling_service.service.http.contents import is_cached
 from scaling_service.service.store.errors import NotFound
 
-router = APIRouter(include_in_schema=False)
-guide = APIRouter(prefix="/guide", include_in_schema=False)
+router = fastapi.APIRouter(include_in_schema=False)
+guide = fastapi.APIRouter(prefix="/guide", include_in_schema=False)
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -50,7 +50,7 @@ _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scalin
 
 
 @router.api_route("/", methods=["GET", "HEAD"], response_class=HTMLResponse)
-def index(request: Request) -> Response:
+def index(request: fastapi.Request) -> fastapi.Response:
     """Show the page, or say that there is none and where the routes are."""
     found = _send_file(
         request, "index.html", {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY}
@@ -59,7 +59,7 @@ def index(request: Request) -> Response:
 
 
 @router.api_route("/assets/{name}", methods=["GET", "HEAD"])
-def asset(name: str, request: Request) -> Response:
+def asset(name: str, request: fastapi.Request) -> fastapi.Response:
     """Send a script, style, font or picture of the page."""
     found = (
         _send_file(request, f"assets/{name}", {"Cache-Control": FOREVER}) if _NAME.fullmatch(name) else None
@@ -70,14 +70,14 @@ def asset(name: str, request: Request) -> Response:
 
 
 @guide.get("")
-def guide_front() -> Response:
+def guide_front() -> fastapi.Response:
     """Send to where links between pages work."""
     return RedirectResponse("/guide/")
 
 
 @guide.api_route("/", methods=["GET", "HEAD"])
 @guide.api_route("/{name}", methods=["GET", "HEAD"])
-def guide_page(request: Request, name: str = "index.html") -> Response:
+def guide_page(request: fastapi.Request, name: str = "index.html") -> fastapi.Response:
     """Send a page, or what it draws with."""
     content = make_site().get(name)
     if content is None:
@@ -85,24 +85,24 @@ def guide_page(request: Request, name: str = "index.html") -> Response:
     return send(request, name, content, {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY})
 
 
-def _send_file(request: Request, path: str, headers: dict[str, str]) -> Response | None:
+def _send_file(request: fastapi.Request, path: str, headers: dict[str, str]) -> fastapi.Response | None:
     """A file of the bundle as an answer; None where there is none."""
     file = _BUNDLE / path
     return send(request, path, file.read_bytes(), headers) if file.is_file() else None
 
 
-def send(request: Request, name: str, content: bytes, headers: dict[str, str]) -> Response:
+def send(request: fastapi.Request, name: str, content: bytes, headers: dict[str, str]) -> fastapi.Response:
     """Answer with a file's content, compressed for who takes that, or 304 for who has it already."""
     media_type, packs = _MEDIA_TYPES.get(PurePath(name).suffix, ("application/octet-stream", False))
     packed = packs and _accepts_gzip(request)
     content, tag = _pack(content, packed)
     headers |= {"ETag": tag, "Vary": "Accept-Encoding"} | ({"Content-Encoding": "gzip"} if packed else {})
     if is_cached(request, tag):
-        return Response(status_code=304, headers=headers)
-    return Response(content, media_type=media_type, headers=headers)
+        return fastapi.Response(status_code=304, headers=headers)
+    return fastapi.Response(content, media_type=media_type, headers=headers)
 
 
-def _accepts_gzip(request: Request) -> bool:
+def _accepts_gzip(request: fastapi.Request) -> bool:
     """Whether the client asks for gzip and does not give it the weight zero (RFC 9110, section 12.5.3)."""
     for one in request.headers.get("accept-encoding", "").lower().split(","):
         coding, _, weight = one.partition(";")

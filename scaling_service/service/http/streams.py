@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
-from collections.abc import AsyncIterator, Iterator
+from collections import Counter, abc
 from contextlib import contextmanager
 from typing import Any
 
-from fastapi import Depends, Request
+import fastapi
 from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
@@ -28,7 +27,7 @@ class Streams:
         self._open: Counter[str] = Counter()
 
     @contextmanager
-    def hold(self, owner: str) -> Iterator[None]:
+    def hold(self, owner: str) -> abc.Iterator[None]:
         """Count one more while it lasts; TooManyRequests where there are too many."""
         if self._open[owner] >= self.most:
             raise TooManyRequests(WAIT_S, f"{self.most} uploads, downloads and followed jobs are open")
@@ -41,14 +40,14 @@ class Streams:
                 del self._open[owner]
 
 
-async def _hold_stream(request: Request, owner: Owner) -> AsyncIterator[None]:
+async def _hold_stream(request: fastapi.Request, owner: Owner) -> abc.AsyncIterator[None]:
     """Ends when the answer was sent or the client is gone (FastAPI 0.118)."""
     streams: Streams = request.app.state.streams
     with streams.hold(owner):
         yield
 
 
-BOUNDED = [Depends(_hold_stream)]  # dependencies of a route that lasts
+BOUNDED = [fastapi.Depends(_hold_stream)]  # dependencies of a route that lasts
 
 
 class BoundedResponse(StreamingResponse):

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from http import HTTPStatus
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Path, Query, Request, Response
+import fastapi
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
-from scaling_service.documents.service import FileEntry, FileList, SubjectDetail, SubjectPage, SubjectSummary
+from scaling_service.documents import service as contracts
 from scaling_service.documents.subject import SubjectDocument
-from scaling_service.service.http import bodies, contents
-from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.service.http import bodies, callers, contents
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.streams import BOUNDED
@@ -24,21 +24,25 @@ from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store import tables
 from scaling_service.service.store.errors import TooLarge
 
-router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
+router = fastapi.APIRouter(prefix="/v1/subjects", tags=["subjects"])
 
 Named = Annotated[
-    str, Path(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100, description="The subject's id.")
+    str,
+    fastapi.Path(
+        pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100, description="The subject's id."
+    ),
 ]
 FileName = Annotated[
     str,
-    Path(
+    fastapi.Path(
         pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .()+=@,\-]{0,199}$", description="A plain name without folders."
     ),
 ]
 Cursor = Annotated[
-    str | None, Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before.")
+    str | None,
+    fastapi.Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before."),
 ]
-Size = Annotated[int, Query(ge=1, le=tables.LARGEST, description="Entries of a page.")]
+Size = Annotated[int, fastapi.Query(ge=1, le=tables.LARGEST, description="Entries of a page.")]
 
 EXAMPLE: dict[str, Any] = {
     "subject": {"id": "S01", "sex": "F", "height_m": 1.70, "mass_kg": 62.0},
@@ -47,7 +51,10 @@ EXAMPLE: dict[str, Any] = {
 }
 """A subject whose files are then uploaded under the names that it uses."""
 
-DOCUMENTS = (SubjectDocument, ImagedPerson)  # a subject's document follows one of these
+NOTE: dict[str, Any] = {"text": "Left knee marker slipped in the second walk.", "signed_by": "A. Smith"}
+
+DOCUMENTS = (SubjectDocument, ImagedPerson, contracts.SubjectNote)
+"""What a subject's document and note follow."""
 
 _BYTES = {"type": "string", "format": "binary"}
 
@@ -56,12 +63,12 @@ _BYTES = {"type": "string", "format": "binary"}
     "",
     status_code=HTTPStatus.CREATED,
     responses=describe_refusals(400, 408, 413, 415, 507)
-    | {200: {"model": SubjectDetail, "description": "Replaced"}},
-    openapi_extra=describe_json_body(EXAMPLE, *DOCUMENTS),
+    | {200: {"model": contracts.SubjectDetail, "description": "Replaced"}},
+    openapi_extra=describe_json_body(EXAMPLE, SubjectDocument, ImagedPerson),
 )
 async def put_subject(
-    request: Request, response: Response, owner: Owner, service: ServiceDep
-) -> SubjectDetail:
+    request: fastapi.Request, response: fastapi.Response, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.SubjectDetail:
     """Give a subject's document: a new subject, or in place of the document of that name.
 
     It is the subject file of the command line as JSON; files stand in it by the names under which they are
@@ -75,18 +82,24 @@ async def put_subject(
 
 
 @router.get("", responses=describe_refusals())
-def list_subjects(owner: Owner, service: ServiceDep, cursor: Cursor = None, limit: Size = 50) -> SubjectPage:
+def list_subjects(
+    owner: callers.Owner, service: callers.ServiceDep, cursor: Cursor = None, limit: Size = 50
+) -> contracts.SubjectPage:
     """List subjects, newest first."""
     page = service.subjects(owner, cursor or None, limit)
-    return SubjectPage(items=[SubjectSummary(**_make_entry(row)) for row in page.items], next=page.following)
+    return contracts.SubjectPage(
+        items=[contracts.SubjectSummary(**_make_entry(row)) for row in page.items], next=page.following
+    )
 
 
 @router.get(
     "/{subject}",
-    response_model=SubjectDetail,
+    response_model=contracts.SubjectDetail,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_subject(subject: Named, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_subject(
+    subject: Named, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> fastapi.Response:
     """Look at a subject: its document and its files."""
     detail = _make_detail(service, owner, subject)
     return contents.answer_unless_cached(
@@ -94,16 +107,44 @@ def get_subject(subject: Named, request: Request, owner: Owner, service: Service
     )
 
 
+@router.get("/{subject}/note", responses=describe_refusals(404))
+def get_note(
+    subject: Named, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.SubjectNoteDocument:
+    """Look at what was written about a subject's results, and who signed it; empty until it is given."""
+    return _make_note(service.note(owner, subject))
+
+
+@router.put(
+    "/{subject}/note",
+    responses=describe_refusals(400, 404, 408, 413, 415, 507),
+    openapi_extra=describe_json_body(NOTE, contracts.SubjectNote),
+)
+async def put_note(
+    subject: Named, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
+) -> contracts.SubjectNoteDocument:
+    """Write about a subject's results, and sign it, in place of what stood there before."""
+    given = await bodies.read_model(contracts.SubjectNote, request, "Give `text`, and `signed_by` to sign it")
+    row = await bodies.in_writer_thread(service.put_note, owner, subject, given.model_dump())
+    return _make_note(row)
+
+
+def _make_note(row: tables.NoteRow | None) -> contracts.SubjectNoteDocument:
+    if row is None:
+        return contracts.SubjectNoteDocument(text="", updated_at=None)
+    return contracts.SubjectNoteDocument(**json.loads(row.document), updated_at=as_datetime(row.updated_us))
+
+
 @router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
-def delete_subject(subject: Named, owner: Owner, service: ServiceDep) -> None:
+def delete_subject(subject: Named, owner: callers.Owner, service: callers.ServiceDep) -> None:
     """Delete a subject, its files, and all jobs on them, for good."""
     service.delete_subject(owner, subject)
 
 
 @router.get("/{subject}/files", responses=describe_refusals(404))
-def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
+def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep) -> contracts.FileList:
     """List a subject's files."""
-    return FileList(items=list_file_entries(service.subject_files(owner, subject)))
+    return contracts.FileList(items=list_file_entries(service.subject_files(owner, subject)))
 
 
 @router.put(
@@ -116,8 +157,12 @@ def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
     },
 )
 async def put_file(
-    subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep
-) -> FileEntry:
+    subject: Named,
+    name: FileName,
+    request: fastapi.Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
+) -> contracts.FileEntry:
     """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
     _refuse_too_large(request, service.settings.limit_upload_mb)
     with ExitStack() as entered:
@@ -130,23 +175,29 @@ async def put_file(
 
 @router.get(
     "/{subject}/files/{name}",
-    response_class=Response,
+    response_class=fastapi.Response,
     responses=contents.describe_file_responses(_BYTES),
     dependencies=BOUNDED,
 )
-def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_file(
+    subject: Named,
+    name: FileName,
+    request: fastapi.Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
+) -> fastapi.Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)
     return contents.send_stored_file(request, service.store.blobs, row)
 
 
 @router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
-def delete_file(subject: Named, name: FileName, owner: Owner, service: ServiceDep) -> None:
+def delete_file(subject: Named, name: FileName, owner: callers.Owner, service: callers.ServiceDep) -> None:
     """Remove a file of a subject; jobs that were asked for before keep theirs."""
     service.remove_subject_file(owner, subject, name)
 
 
-def _refuse_too_large(request: Request, limit_mb: int) -> None:
+def _refuse_too_large(request: fastapi.Request, limit_mb: int) -> None:
     """Say no before anything comes, where the length is stated."""
     length = request.headers.get("content-length", "")
     if length.isdigit() and int(length[:20]) > limit_mb * 1_000_000:
@@ -161,9 +212,9 @@ def as_datetime(microseconds: int) -> datetime:
     return datetime.fromtimestamp(microseconds / 1e6, UTC)
 
 
-def list_file_entries(rows: list[tables.FileRow]) -> list[FileEntry]:
+def list_file_entries(rows: list[tables.FileRow]) -> list[contracts.FileEntry]:
     """Files as they travel."""
-    return [FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
+    return [contracts.FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
 
 
 def _make_entry(row: tables.SubjectRow) -> dict[str, Any]:
@@ -171,8 +222,8 @@ def _make_entry(row: tables.SubjectRow) -> dict[str, Any]:
     return {"id": row.id, "revision": row.revision} | times
 
 
-def _make_detail(service: Service, owner: str, subject: str) -> SubjectDetail:
-    return SubjectDetail(
+def _make_detail(service: Service, owner: str, subject: str) -> contracts.SubjectDetail:
+    return contracts.SubjectDetail(
         **_make_entry(service.subject(owner, subject)),
         document=service.subject_document(owner, subject),
         files=list_file_entries(service.subject_files(owner, subject)),

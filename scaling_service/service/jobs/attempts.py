@@ -21,7 +21,7 @@ import shutil
 import socket
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,23 +29,21 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.documents.base import DOCUMENT, PARTS
+from scaling_service.documents import base
 from scaling_service.documents.jobs import Failure
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version
-from scaling_service.service.sandbox import outcomes
+from scaling_service.service.sandbox import outcomes, supervisor
 from scaling_service.service.sandbox.child import Child
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.supervisor import supervise, warm_up
-from scaling_service.service.store import jobs, parts
+from scaling_service.service.store import errors, jobs, parts
 from scaling_service.service.store.blobs import Blobs
-from scaling_service.service.store.errors import StoreUnavailable, disk_errors
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import JobRow
 
 Result = TypeVar("Result")
-MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
+MakeExecutor: TypeAlias = Callable[[], futures.Executor]  # called again when an executor broke
 SLOTS = 8
 """Owners whose brief job runs beside a runner's workers at once. Chosen: each may take a job's memory."""
 
@@ -77,7 +75,15 @@ def make_order(
         inputs, ends = jobs.list_inputs(store.database, row.id), None
     else:
         inputs = parts.list_files(store.database, row.id, kind.parts.file)
-        ended = [_end_of_part(end) for end in parts.list_ends(store.database, row.id)]
+        ended = [
+            {
+                "request": json.loads(end.specification)["request"],
+                "state": end.state.value,
+                "result": end.result and json.loads(end.result),
+                "failure": end.failure and json.loads(end.failure),
+            }
+            for end in parts.list_ends(store.database, row.id)
+        ]
         ends = json.dumps(ended, ensure_ascii=False)
     return Order(
         kind=kind,
@@ -90,15 +96,6 @@ def make_order(
         patience_s=settings.lease_s,
         parts=ends,
     )
-
-
-def _end_of_part(end: parts.PartRow) -> dict[str, Any]:
-    return {
-        "request": json.loads(end.specification)["request"],
-        "state": end.state.value,
-        "result": end.result and json.loads(end.result),
-        "failure": end.failure and json.loads(end.failure),
-    }
 
 
 def run_attempt(order: Order) -> outcomes.Outcome:
@@ -115,23 +112,23 @@ def run_attempt(order: Order) -> outcomes.Outcome:
     try:
         documents = asked["documents"]
         blobs, inputs = Blobs(order.data), order.folder / "inputs"
-        with disk_errors(order.data):
+        with errors.disk_errors(order.data):
             for name in ("inputs", "outputs", "tmp"):
                 (order.folder / name).mkdir(mode=0o700, parents=True)
             for subject, document in documents.items():
                 (inputs / subject).mkdir()
                 text = json.dumps(document, ensure_ascii=False)
-                (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")
+                (inputs / subject / base.DOCUMENT).write_text(text, encoding="utf-8")
             if order.parts is not None:
-                (inputs / PARTS).write_text(order.parts, encoding="utf-8")
+                (inputs / base.PARTS).write_text(order.parts, encoding="utf-8")
         for path, sha256 in order.inputs:
-            with disk_errors(order.data):
+            with errors.disk_errors(order.data):
                 (inputs / path).parent.mkdir(exist_ok=True)
             blobs.copy(sha256, inputs / path)
         watch = Watch(order.folder, order.patience_s)
         child = Child(partial(order.kind.perform, asked["request"]), order.folder, order.limits)
-        outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
-    except StoreUnavailable as error:
+        outcome = supervisor.supervise(child, stop=watch.should_stop, progress=watch.write_progress)
+    except errors.StoreUnavailable as error:
         return outcomes.Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, outcomes.Finished) else outcome
 
@@ -179,7 +176,7 @@ class AttemptFolder:
     def open(self) -> None:
         """Make the folder, empty."""
         self.remove()
-        with disk_errors(self.folder.parent):
+        with errors.disk_errors(self.folder.parent):
             self.folder.mkdir(mode=0o700)
         self.touch_heartbeat()
 
@@ -228,20 +225,20 @@ def choose_executor(settings: ServiceSettings) -> MakeExecutor:
     return lambda: ClusterExecutor(distributed, address)
 
 
-def make_local_executor(workers: int) -> Executor:
+def make_local_executor(workers: int) -> futures.Executor:
     """Threads on this machine: each watches over one attempt, which computes in a process of its own."""
-    warm_up()
-    return ThreadPoolExecutor(workers, thread_name_prefix="attempt")
+    supervisor.warm_up()
+    return futures.ThreadPoolExecutor(workers, thread_name_prefix="attempt")
 
 
-class ClusterExecutor(Executor):
+class ClusterExecutor(futures.Executor):
     """A Dask cluster, by its scheduler's address. Its workers need this package and the data directory."""
 
     def __init__(self, distributed: Any, address: str) -> None:
         try:
             self._client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError) as error:
-            raise StoreUnavailable(
+            raise errors.StoreUnavailable(
                 "the Dask scheduler does not answer",
                 field="dask_address",
                 remedy="Start it; the service goes on by itself",
@@ -249,9 +246,9 @@ class ClusterExecutor(Executor):
         # Not pure: the same order may be carried out twice. No retries: what is lost is our own matter.
         self._executor = self._client.get_executor(pure=False, retries=0)
 
-    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> Future[Result]:
+    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> futures.Future[Result]:
         """Run a call on one of the workers."""
-        future: Future[Result] = self._executor.submit(fn, *args, **kwargs)
+        future: futures.Future[Result] = self._executor.submit(fn, *args, **kwargs)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 (the base's)

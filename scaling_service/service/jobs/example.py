@@ -14,7 +14,7 @@ from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.reading import check_document
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.sandbox.supervisor import find_python
-from scaling_service.service.store.errors import InUse, NotFound
+from scaling_service.service.store import errors
 
 NAME = "example"
 MOST = 5  # examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds.
@@ -43,34 +43,32 @@ class Examples:
         with self._alone:
             missing = [seed for seed, name in enumerate(names) if not self._is_there(owner, name)]
             for seed in missing:
-                self._make(owner, names[seed], seed)
+                name = names[seed]
+                with tempfile.TemporaryDirectory(prefix="example-") as scratch:
+                    folder = Path(scratch)
+                    _run(folder, name, seed)
+                    document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
+                    self._service.put_subject(owner, document)
+                    for file in sorted(folder.iterdir()):
+                        if file.name != DOCUMENT:
+                            with self._service.upload(owner, name, file.name) as upload:
+                                upload.write(file.read_bytes())
+                                upload.keep()
         return names, bool(missing)
 
     def _is_there(self, owner: str, name: str) -> bool:
         try:
             document = self._service.subject_document(owner, name)
-        except NotFound:
+        except errors.NotFound:
             return False
         if "trials" not in document or document.get("image_markers") != "image_markers.csv":
-            raise InUse(
+            raise errors.InUse(
                 f"you have a subject '{name}' of your own",
                 field="subject",
                 remedy="Delete it, or upload it under another name, then ask for the example again",
             )
         wanted = set(list_named_files(check_document(document)).values())
         return wanted <= {file.name for file in self._service.subject_files(owner, name)}
-
-    def _make(self, owner: str, name: str, seed: int) -> None:
-        with tempfile.TemporaryDirectory(prefix="example-") as scratch:
-            folder = Path(scratch)
-            _run(folder, name, seed)
-            document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
-            self._service.put_subject(owner, document)
-            for file in sorted(folder.iterdir()):
-                if file.name != DOCUMENT:
-                    with self._service.upload(owner, name, file.name) as upload:
-                        upload.write(file.read_bytes())
-                        upload.keep()
 
 
 def _run(folder: Path, name: str, seed: int) -> None:

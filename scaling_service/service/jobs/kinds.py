@@ -9,4 +9,4 @@ __all__ = ["KINDS", "Kind", "Parts"]
 
 KINDS: dict[str, Kind] = {}
 for _module in import_modules_named("job"):
-    KINDS.update(getattr(_module, "KINDS", {}))
+    KINDS.update(_module.list_kinds() if hasattr(_module, "list_kinds") else {})

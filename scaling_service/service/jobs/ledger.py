@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections import abc
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -13,19 +13,17 @@ from sqlalchemy.exc import IntegrityError
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs import machine
-from scaling_service.service.store import jobs, parts
-from scaling_service.service.store.blobs import Content, keep
+from scaling_service.service.store import blobs, jobs, parts, tables
 from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.errors import report_needed
 from scaling_service.service.store.store import Store
-from scaling_service.service.store.tables import FileRow, JobRow
 
 PARTS_SHARE = 0.95
 """Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""
 
 WAITING = "waiting"  # what a job does that waits for nothing but its turn, or for others
 
-_FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
+_FRESH: abc.Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
 
 _AGAIN = (State.FAILED, State.CANCELLED)  # asked for in one of these states, a job is queued again
 _TRIES = 5
@@ -41,7 +39,7 @@ class AttemptOutput:
     """What an attempt made, ready to be kept: the result as JSON, path and content of each file."""
 
     result: str
-    files: tuple[tuple[str, Content], ...] = ()
+    files: tuple[tuple[str, blobs.Content], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,9 @@ class Ledger:
     most_losses: int
     lease_s: float
 
-    def ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
+    def ask(
+        self, make: abc.Callable[[Connection], jobs.NewJob], most_waiting: int
+    ) -> tuple[tables.JobRow, bool]:
         """Make a job or find the one that there is, and whether it was put in the queue by this.
 
         One that failed or was cancelled is queued again. ``make`` reads what the job rests on within the
@@ -63,7 +63,9 @@ class Ledger:
                 return self._ask(make, most_waiting)
         return self._ask(make, most_waiting)
 
-    def _ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
+    def _ask(
+        self, make: abc.Callable[[Connection], jobs.NewJob], most_waiting: int
+    ) -> tuple[tables.JobRow, bool]:
         with self.store.write() as connection:
             new = make(connection)
             row = jobs.find(connection, new.id)
@@ -76,7 +78,11 @@ class Ledger:
                     remedy="Wait until some are done, or cancel some",
                 )
             for part in sorted(new.parts, key=lambda job: job.id):  # locked before the whole, in this order
-                self._ask_part(connection, part)
+                member = jobs.lock(connection, part.id)
+                if member is None:
+                    jobs.add(connection, part, State.QUEUED.value, part=True)
+                elif member.state in _AGAIN and not parts.is_counted_on(connection, part.id):
+                    self._move(connection, member, machine.Event.ASK, _FRESH)
             row = jobs.lock(connection, new.id)
             if row is None:
                 jobs.add(connection, new, State.QUEUED.value)
@@ -86,25 +92,20 @@ class Ledger:
                 return row, False
             if new.parts:
                 parts.link(connection, new.id, [part.id for part in new.parts])
-                self._await_parts(connection, _require_existing(connection, new.id))
+                # Let a job that is queued wait for its parts, unless they are over
+                stored = _require_existing(connection, new.id)
+                over, count = parts.count_ended(connection, stored.id)
+                if over < count:
+                    self._move(connection, stored, machine.Event.WAIT, _sum_progress(over, count))
             return _require_existing(connection, new.id), True
 
-    def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
-        row = jobs.lock(connection, part.id)
-        if row is None:
-            jobs.add(connection, part, State.QUEUED.value, part=True)
-        elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
-            self._move(connection, row, machine.Event.ASK, _FRESH)
-
-    def _await_parts(self, connection: Connection, row: JobRow) -> None:
-        """Let a job that is queued wait for its parts, unless they are over."""
-        over, count = parts.count_ended(connection, row.id)
-        if over < count:
-            self._move(connection, row, machine.Event.WAIT, _sum_progress(over, count))
-
     def lease(
-        self, worker: str, host: str, kinds: Collection[str] | None = None, without: Collection[str] = ()
-    ) -> JobRow | None:
+        self,
+        worker: str,
+        host: str,
+        kinds: abc.Collection[str] | None = None,
+        without: abc.Collection[str] = (),
+    ) -> tables.JobRow | None:
         """Take the next job, of any kind or of some, of no owner ``without``; None where nothing waits."""
         with self.store.write() as connection:
             row = jobs.lock_next(connection, kinds, without)
@@ -120,7 +121,7 @@ class Ledger:
             self._move(connection, row, machine.Event.LEASE, begun)
             return jobs.lock(connection, row.id)
 
-    def finish(self, held: JobRow, made: AttemptOutput, provenance: str) -> State | None:
+    def finish(self, held: tables.JobRow, made: AttemptOutput, provenance: str) -> State | None:
         """Keep a result, all of it or nothing; None where the job is no longer ours."""
         with self.store.write() as connection:
             row = self._lock_if_held(connection, held)
@@ -128,8 +129,8 @@ class Ledger:
                 return None
             if row.state is State.CANCELLING:
                 return self._move(connection, row, machine.Event.FINISH)
-            keep(connection, self.store.blobs, [content for _, content in made.files])
-            files = [FileRow(path, content.sha256, content.size) for path, content in made.files]
+            blobs.keep(connection, self.store.blobs, [content for _, content in made.files])
+            files = [tables.FileRow(path, content.sha256, content.size) for path, content in made.files]
             jobs.add_files(connection, row.id, files)
             parts.take_files(connection, row.id)
             done = {"result": made.result, "provenance": provenance}
@@ -137,7 +138,7 @@ class Ledger:
             return self._move(connection, row, machine.Event.FINISH, done | progress)
 
     def settle(
-        self, held: JobRow, event: machine.Event, failure: Failure, provenance: str | None
+        self, held: tables.JobRow, event: machine.Event, failure: Failure, provenance: str | None
     ) -> State | None:
         """Record an attempt that ended without a result; None where the job is no longer ours.
 
@@ -151,7 +152,7 @@ class Ledger:
                 event = machine.Event.STOP
             return self._move(connection, row, event, _list_failure_columns(failure, provenance))
 
-    def cancel(self, owner: str, job: str) -> JobRow:
+    def cancel(self, owner: str, job: str) -> tables.JobRow:
         """Wish that a job ends; one that is over stays as it is.
 
         NotFound where this owner has no such job, InUse where it is a part of one that is not over.
@@ -170,7 +171,7 @@ class Ledger:
                         self._move(connection, part, machine.Event.CANCEL)
             return _require_existing(connection, job)
 
-    def take_back(self, dead: Iterable[str] = ()) -> list[str]:
+    def take_back(self, dead: abc.Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
         with self.store.write() as connection:
             taken = jobs.lock_lost(connection, dead)
@@ -179,7 +180,7 @@ class Ledger:
                 self._move(connection, row, machine.Event.LOSE, why)
         return [row.id for row in taken]
 
-    def _lock_if_held(self, connection: Connection, held: JobRow) -> JobRow | None:
+    def _lock_if_held(self, connection: Connection, held: tables.JobRow) -> tables.JobRow | None:
         """The job, locked, if this very attempt still holds it."""
         row = jobs.lock(connection, held.id)
         if row is None or (row.attempt, row.worker) != (held.attempt, held.worker):
@@ -189,9 +190,9 @@ class Ledger:
     def _move(
         self,
         connection: Connection,
-        row: JobRow,
+        row: tables.JobRow,
         event: machine.Event,
-        values: Mapping[str, Any] | None = None,
+        values: abc.Mapping[str, Any] | None = None,
     ) -> State:
         """Write where a locked job stands after an event, with all that changes with it."""
         new = machine.follow_event(
@@ -231,7 +232,7 @@ class Ledger:
                 jobs.change(connection, whole, _sum_progress(over, count))
 
 
-def report_worker_lost(row: JobRow, reason: str) -> Failure:
+def report_worker_lost(row: tables.JobRow, reason: str) -> Failure:
     """Why a job fails that lost its last worker."""
     return Failure(
         kind="WorkerLost",
@@ -240,14 +241,14 @@ def report_worker_lost(row: JobRow, reason: str) -> Failure:
     )
 
 
-def _require_existing(connection: Connection, job: str) -> JobRow:
+def _require_existing(connection: Connection, job: str) -> tables.JobRow:
     """A job that is there, for it was made or locked in this transaction."""
     row = jobs.find(connection, job)
     assert row is not None
     return row
 
 
-def _is_active(row: JobRow) -> bool:
+def _is_active(row: tables.JobRow) -> bool:
     return not (row.state.is_over or row.state is State.CANCELLING)
 
 

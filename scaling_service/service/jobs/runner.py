@@ -10,19 +10,18 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Collection, Iterable, Mapping
-from concurrent.futures import CancelledError, Executor, Future, wait
+from collections import abc
+from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs import attempts, ledger
+from scaling_service.service.jobs import attempts, ledger, submission
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.jobs.submission import code_version, write_provenance
 from scaling_service.service.sandbox import outcomes
 from scaling_service.service.store import deletion, errors, jobs
 from scaling_service.service.store.blobs import Content
@@ -59,7 +58,7 @@ class RunningAttempt:
     row: JobRow
     order: attempts.Order
     folder: attempts.AttemptFolder
-    future: Future[outcomes.Outcome]
+    future: futures.Future[outcomes.Outcome]
     beside: bool  # whether it runs beside the workers, in its owner's slot for what is brief
     begun: float = field(default_factory=time.monotonic)
 
@@ -75,7 +74,7 @@ class Runner:
         store: Store,
         settings: ServiceSettings,
         *,
-        kinds: Mapping[str, Kind] = KINDS,
+        kinds: abc.Mapping[str, Kind] = KINDS,
         make_executor: attempts.MakeExecutor | None = None,
     ) -> None:
         self._store, self._settings, self._kinds = store, settings, kinds
@@ -83,7 +82,7 @@ class Runner:
         self._make_executor = make_executor or attempts.choose_executor(settings)
         self._ledger = ledger.Ledger(store, settings.most_losses, settings.lease_s)
         self._lock = RunnerLock(store.blobs.folder)
-        self._executor: Executor | None = None
+        self._executor: futures.Executor | None = None
         self._held: dict[str, RunningAttempt] = {}
         self._stop, self._wake = threading.Event(), threading.Event()
         self._renewed = self._looked_for_lost = self._take_back_from = float("-inf")
@@ -105,7 +104,7 @@ class Runner:
 
         Whatever happens to the database or the disk, it goes on when they are there again.
         """
-        log.info("runner started", extra={"runner": self.name, "code_version": code_version()})
+        log.info("runner started", extra={"runner": self.name, "code_version": submission.code_version()})
         tidying = threading.Thread(target=self._tidy, name="tidy", daemon=True)
         tidying.start()
         try:
@@ -134,7 +133,13 @@ class Runner:
                     log.warning("the store is not available", extra={"reason": error.problem})
                 self._wake.wait(self._pause_s or TICK_S)
                 self._wake.clear()
-            self._give_back()
+            # Stop all work; jobs that are not finished are queued again as good as new.
+            for kept in self._held.values():
+                kept.future.cancel()
+                kept.folder.stop()
+            futures.wait([kept.future for kept in self._held.values()], timeout=_ENDING_S)
+            with suppress(errors.StoreUnavailable):  # then the leases run out
+                self._end_finished()
         finally:
             self._lock.close()
             if self._executor is not None:
@@ -213,7 +218,7 @@ class Runner:
         """Where the job stands then; None where this attempt holds it no longer, and nothing was kept."""
         row, outputs = held.row, held.folder.folder / "outputs"
         host = outcome.host if isinstance(outcome, outcomes.Finished) else row.host
-        origin = write_provenance(row, held.order.specification, host, wall_s)
+        origin = submission.write_provenance(row, held.order.specification, host, wall_s)
         match outcome:
             case outcomes.Finished():
                 files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
@@ -234,7 +239,7 @@ class Runner:
         for job in self._ledger.take_back(dead):
             log.warning("job taken back", extra={"job": job})
 
-    def _start_queued(self, executor: Executor) -> None:
+    def _start_queued(self, executor: futures.Executor) -> None:
         """As many jobs as there are workers, and beside them one that is brief of each owner.
 
         So nobody waits hours for seconds, nor for what others have looked at.
@@ -249,7 +254,9 @@ class Runner:
                 return
             self._start(row, executor, beside=beside)
 
-    def _lease(self, kinds: Collection[str] | None = None, without: Collection[str] = ()) -> JobRow | None:
+    def _lease(
+        self, kinds: abc.Collection[str] | None = None, without: abc.Collection[str] = ()
+    ) -> JobRow | None:
         if not jobs.has_queued(self._store.database, kinds, without):
             return None
         # Raise StoreFull where the disk is nearly full; queued jobs say so while it is.
@@ -264,7 +271,7 @@ class Runner:
             self._lacks_room = False
         return self._ledger.lease(self.name, socket.gethostname(), kinds, without)
 
-    def _start(self, row: JobRow, executor: Executor, *, beside: bool) -> None:
+    def _start(self, row: JobRow, executor: futures.Executor, *, beside: bool) -> None:
         kind = self._kinds.get(row.kind)
         if kind is None:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
@@ -283,15 +290,6 @@ class Runner:
         self._held[row.id] = RunningAttempt(row=row, order=order, folder=folder, future=future, beside=beside)
         future.add_done_callback(lambda _future: self._wake.set())
 
-    def _give_back(self) -> None:
-        """Stop all work; jobs that are not finished are queued again as good as new."""
-        for held in self._held.values():
-            held.future.cancel()
-            held.folder.stop()
-        wait([held.future for held in self._held.values()], timeout=_ENDING_S)
-        with suppress(errors.StoreUnavailable):  # then the leases run out
-            self._end_finished()
-
     def _tidy(self) -> None:
         """Remove rubbish and what is older than it may get, now and then, apart from the work."""
         while not self._stop.is_set():
@@ -305,11 +303,11 @@ class Runner:
             self._stop.wait(TIDY_S)
 
 
-def read_outcome(future: Future[outcomes.Outcome]) -> outcomes.Outcome:
+def read_outcome(future: futures.Future[outcomes.Outcome]) -> outcomes.Outcome:
     """How an attempt ended, also where the executor itself broke."""
     try:
         return future.result()
-    except CancelledError:
+    except futures.CancelledError:
         return outcomes.Stopped()
     except Exception as error:  # noqa: BLE001 (an executor raises what it likes when a worker is gone)
         return outcomes.Lost(f"the executor failed ({type(error).__name__})")
@@ -344,7 +342,7 @@ class RunnerLock:
             fcntl.flock(self._file, fcntl.LOCK_EX)
             hidden.rename(self._folder / self.name)  # locked before anyone can see it
 
-    def dead(self, names: Iterable[str]) -> list[str]:
+    def dead(self, names: abc.Iterable[str]) -> list[str]:
         """Those runners that were on this machine and are no more."""
         mine = [name for name in names if name.startswith(f"{self._machine}-") and name != self.name]
         with errors.disk_errors(self._folder):

@@ -7,7 +7,7 @@ NotFound. All are thread-safe and return within milliseconds, but for uploads an
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +58,9 @@ class Upload:
 class Service:
     """All that can be asked of a service."""
 
-    def __init__(self, store: Store, settings: ServiceSettings, kinds: Mapping[str, Kind] = KINDS) -> None:
+    def __init__(
+        self, store: Store, settings: ServiceSettings, kinds: abc.Mapping[str, Kind] = KINDS
+    ) -> None:
         self.store, self.settings, self.kinds = store, settings, kinds
         self._database = store.database
         self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
@@ -71,7 +73,7 @@ class Service:
 
     # Subjects
 
-    def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[tables.SubjectRow, bool]:
+    def put_subject(self, owner: str, document: abc.Mapping[str, Any]) -> tuple[tables.SubjectRow, bool]:
         """Keep a subject's document under the name that it gives; whether that name is new."""
         name = submission.check_subject(document)
         self.require_room()
@@ -101,10 +103,21 @@ class Service:
                 self._database, self.store.blobs, owner, _require_known_name(subject, "subject")
             )
 
+    def note(self, owner: str, subject: str) -> tables.NoteRow | None:
+        """What was written about a subject's results; None where nothing was."""
+        return subjects.read_note(self._database, owner, self.subject(owner, subject).id)
+
+    def put_note(self, owner: str, subject: str, document: abc.Mapping[str, Any]) -> tables.NoteRow | None:
+        """Keep what is written about a subject's results, in place of what was."""
+        self.require_room()
+        text = submission.write_canonical(dict(document))
+        subjects.put_note(self._database, owner, _require_known_name(subject, "subject"), text)
+        return self.note(owner, subject)
+
     # Files of subjects
 
     @contextmanager
-    def upload(self, owner: str, subject: str, name: str) -> Iterator[Upload]:
+    def upload(self, owner: str, subject: str, name: str) -> abc.Iterator[Upload]:
         """Take a file for a subject: ``upload.write(chunk)``, and at last ``upload.keep()``."""
         require_plain_name(name)
         self.subject(owner, subject)
@@ -133,7 +146,7 @@ class Service:
         """Which label is which marker in an owner's laboratory; None where that was never said."""
         return subjects.read_marker_map(self._database, owner)
 
-    def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> tables.MarkerMapRow | None:
+    def put_marker_map(self, owner: str, labels: abc.Mapping[str, str]) -> tables.MarkerMapRow | None:
         """Keep which label is which marker, in place of what was said before."""
         self.require_room()
         subjects.put_marker_map(self._database, owner, submission.write_canonical(dict(labels)))
@@ -152,7 +165,7 @@ class Service:
     # Jobs
 
     def ask(
-        self, owner: str, kind: str, request: Mapping[str, Any] | JobRequest
+        self, owner: str, kind: str, request: abc.Mapping[str, Any] | JobRequest
     ) -> tuple[tables.JobRow, bool]:
         """Ask for a job, or find the one that was asked for before; whether this put it in the queue.
 
@@ -242,7 +255,7 @@ class Service:
         self.store.close()
 
     @contextmanager
-    def _deleting(self, owner: str) -> Iterator[None]:
+    def _deleting(self, owner: str) -> abc.Iterator[None]:
         with self.store.spare.given_up():
             yield
         self.quotas.forget(owner)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from pydantic import Field, SecretStr, ValidationError
+import pydantic
 from pydantic_settings import BaseSettings, SettingsConfigDict
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
@@ -46,62 +46,72 @@ class ServiceSettings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=PREFIX, extra="forbid", frozen=True)
 
-    data_directory: Path = Field(
+    data_directory: Path = pydantic.Field(
         default=Path("scaling-service-data"),
         description="Where everything is kept; only for the service's user.",
     )
-    database_url: SecretStr | None = Field(
+    database_url: pydantic.SecretStr | None = pydantic.Field(
         default=None, description="PostgreSQL, postgresql://user:password@host/name; else SQLite in the data."
     )
-    dask_address: str | None = Field(
+    dask_address: str | None = pydantic.Field(
         default=None,
         description="Scheduler of a Dask cluster that shares the data directory; else this machine.",
     )
-    trusted_network: bool = Field(
+    trusted_network: bool = pydantic.Field(
         default=False, description="Whether database and cluster may be reached without encryption."
     )
-    host: str = Field(
+    host: str = pydantic.Field(
         default="127.0.0.1", min_length=1, description="Address to listen on; others than loopback need keys."
     )
-    port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
-    tls_certificate: Path | None = Field(default=None, description="PEM file; with tls_key, HTTPS is spoken.")
-    tls_key: Path | None = Field(default=None, description="PEM file.")
-    request_rate: float = Field(
+    port: int = pydantic.Field(
+        default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
+    )
+    tls_certificate: Path | None = pydantic.Field(
+        default=None, description="PEM file; with tls_key, HTTPS is spoken."
+    )
+    tls_key: Path | None = pydantic.Field(default=None, description="PEM file.")
+    request_rate: float = pydantic.Field(
         default=100.0, gt=0, description="Requests a second of each key or address, in the long run."
     )
-    request_burst: int = Field(default=500, ge=1, description="Requests that may come at once before that.")
-    workers: int = Field(default=os.cpu_count() or 1, ge=1, le=1024, description="Jobs at the same time.")
-    lease_s: float = Field(
+    request_burst: int = pydantic.Field(
+        default=500, ge=1, description="Requests that may come at once before that."
+    )
+    workers: int = pydantic.Field(
+        default=os.cpu_count() or 1, ge=1, le=1024, description="Jobs at the same time."
+    )
+    lease_s: float = pydantic.Field(
         default=30.0, ge=1.0, le=3600.0, description="A runner not heard of for longer is lost."
     )
-    most_losses: int = Field(
+    most_losses: int = pydantic.Field(
         default=10, ge=1, le=1000, description="A job that lost so many processes to outside causes fails."
     )
-    limit_memory_mb: int = Field(default=4000, ge=100, description="Of each process of a job.")
-    limit_cpu_s: float = Field(default=3600.0, ge=1.0, description="Processor time of each process of a job.")
-    limit_check_cpu_s: float = Field(
+    limit_memory_mb: int = pydantic.Field(default=4000, ge=100, description="Of each process of a job.")
+    limit_cpu_s: float = pydantic.Field(
+        default=3600.0, ge=1.0, description="Processor time of each process of a job."
+    )
+    limit_check_cpu_s: float = pydantic.Field(
         default=120.0, ge=1.0, description="Processor time of each process of a look at files."
     )
-    limit_wall_s: float = Field(default=7200.0, ge=1.0, description="Time of a job.")
-    limit_file_mb: int = Field(default=1000, ge=1, description="Each file that a job writes.")
-    limit_output_mb: int = Field(default=2000, ge=1, description="All that a job writes.")
-    limit_upload_mb: int = Field(default=1000, ge=1, description="Each uploaded file.")
-    limit_streams: int = Field(
+    limit_wall_s: float = pydantic.Field(default=7200.0, ge=1.0, description="Time of a job.")
+    limit_file_mb: int = pydantic.Field(default=1000, ge=1, description="Each file that a job writes.")
+    limit_output_mb: int = pydantic.Field(default=2000, ge=1, description="All that a job writes.")
+    limit_upload_mb: int = pydantic.Field(default=1000, ge=1, description="Each uploaded file.")
+    limit_streams: int = pydantic.Field(
         default=200, ge=1, description="Uploads, downloads and followed jobs of an owner at once."
     )
-    limit_stream_s: float = Field(
+    limit_stream_s: float = pydantic.Field(
         default=3600.0, ge=1.0, description="Whole time of each; who follows a job asks again."
     )
-    limit_subjects: int = Field(default=10_000, ge=1, description="Subjects of an owner.")
-    limit_files: int = Field(default=1000, ge=1, description="Files of a subject.")
-    limit_queue: int = Field(default=10_000, ge=1, description="Waiting jobs of an owner.")
-    limit_owner_mb: int = Field(
+    limit_subjects: int = pydantic.Field(default=10_000, ge=1, description="Subjects of an owner.")
+    limit_files: int = pydantic.Field(default=1000, ge=1, description="Files of a subject.")
+    limit_queue: int = pydantic.Field(default=10_000, ge=1, description="Waiting jobs of an owner.")
+    limit_owner_mb: int = pydantic.Field(
         default=100_000, ge=1, description="All files of an owner, uploaded or made, each content once."
     )
-    reserve_mb: int = Field(
+    reserve_mb: int = pydantic.Field(
         default=500, ge=0, description="With less room on the disk no job begins and no upload goes on."
     )
-    retention_days: float | None = Field(
+    retention_days: float | None = pydantic.Field(
         default=None, gt=0, description="Jobs and subjects older than this are deleted; none unless given."
     )
 
@@ -138,7 +148,7 @@ def load_settings(file: Path | None = None, **chosen: Any) -> ServiceSettings:
     written = {k: v for k, v in _read(file).items() if f"{PREFIX}{k.upper()}" not in ours}
     try:
         settings = ServiceSettings(**written | chosen)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         first = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"])
         raise SettingsRefused(

@@ -14,17 +14,17 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import pydantic
 from sqlalchemy import Connection
 
-from scaling_service.capabilities.shared.job import Documents, JobRequest
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.capabilities.shared import job
+from scaling_service.core import errors
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person
 from scaling_service.documents.writing import code_version as released_version
 from scaling_service.files.segmentation import list_tables
-from scaling_service.service.jobs.kinds import Kind, Parts
+from scaling_service.service.jobs import kinds
 from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob
 from scaling_service.service.store.tables import FileRow, JobRow
@@ -33,21 +33,21 @@ _SUFFIXES = (".py", ".yaml", ".json", ".csv")  # files of the package that resul
 _PAGE = "service/page/"  # the web page's sources and bundle: no result depends on them
 
 
-class RequestInvalid(InputError):
+class RequestInvalid(errors.InputError):
     """A request does not follow its contract."""
 
     @classmethod
-    def of(cls, error: ValidationError, remedy: str) -> RequestInvalid:
+    def of(cls, error: pydantic.ValidationError, remedy: str) -> RequestInvalid:
         """By the first of what was found."""
         first = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"])
         return cls(str(first["msg"]).removeprefix("Value error, "), field=field, remedy=remedy)
 
 
-class ImagedPerson(BaseModel):
+class ImagedPerson(pydantic.BaseModel):
     """A subject of whom there are images only; landmarks can be found, models cannot be scaled."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True)
 
     subject: Person
     bones: Bones | None = None
@@ -61,7 +61,7 @@ def check_subject(content: Mapping[str, Any]) -> str:
     if not {"model", "trials"} & content.keys():
         try:
             return ImagedPerson.model_validate(dict(content)).subject.id
-        except ValidationError:
+        except pydantic.ValidationError:
             pass  # the full contract says what is wrong, in its own words
     return check_document(content).subject.id
 
@@ -71,34 +71,34 @@ def write_canonical_subject(content: Mapping[str, Any]) -> str:
     try:
         return write_canonical(content)
     except ValueError:
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             "a text or a number in it is none",
             field="(top level)",
             remedy="Send it as UTF-8, without NaN or infinity",
         ) from None
 
 
-def check_request(kind: Kind, request: Mapping[str, Any] | JobRequest) -> JobRequest:
+def check_request(kind: kinds.Kind, request: Mapping[str, Any] | job.JobRequest) -> job.JobRequest:
     """A request of a kind, or RequestInvalid; a number in quotes, or a truth value for a number, is one."""
     if isinstance(request, kind.request):
         return request
     try:
         # As JSON, in which a strict check still takes lists for tuples, and objects for settings.
         return kind.request.model_validate_json(json.dumps(request), strict=True)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         remedy = "Correct it; the service's documentation shows examples"
         raise RequestInvalid.of(error, remedy) from None
 
 
 def make_new_job(
-    connection: Connection, owner: str, name: str, request: JobRequest, made_of: Parts | None = None
+    connection: Connection, owner: str, name: str, request: job.JobRequest, made_of: kinds.Parts | None = None
 ) -> NewJob:
     """The job that a request is, with the subjects' documents and files as they are now, and its parts.
 
     NotFound where this owner has no such subject; SubjectInvalid where the document does not allow what is
     asked for, or a file that it names was not uploaded.
     """
-    documents: Documents = {
+    documents: job.Documents = {
         subject: json.loads(subjects.read_document_in(connection, owner, subject))
         for subject in request.subjects
     }
@@ -133,7 +133,7 @@ def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, st
     for field, name in named.items():
         if name not in there:
             guess = suggest_name(name, there, cutoff=0.75)  # suffixes are alike
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{name}' was not uploaded for subject '{subject}'",
                 field=field,
                 remedy=guess.strip() or "Upload it to the subject, then ask again",

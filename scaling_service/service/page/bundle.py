@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -50,14 +49,9 @@ def is_fresh(web: Path) -> bool:
         The folder of the page's sources.
     """
     index = web / "built" / "index.html"
-    return index.is_file() and index.stat().st_mtime_ns >= max(_list_times(web))
-
-
-def _list_times(web: Path) -> Iterator[int]:
-    for file in web.rglob("*"):
-        made = file.relative_to(web).parts[0] in ("node_modules", "built", "__pycache__")
-        if file.is_file() and not made:
-            yield file.stat().st_mtime_ns
+    made = ("node_modules", "built", "__pycache__")
+    sources = [f for f in web.rglob("*") if f.is_file() and f.relative_to(web).parts[0] not in made]
+    return index.is_file() and index.stat().st_mtime_ns >= max(f.stat().st_mtime_ns for f in sources)
 
 
 def bundle(web: Path) -> None:

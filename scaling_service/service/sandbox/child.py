@@ -10,7 +10,7 @@ import select
 import signal
 import tempfile
 import traceback
-from collections.abc import Callable, Iterator
+from collections import abc
 from dataclasses import dataclass
 from itertools import pairwise
 from multiprocessing import parent_process
@@ -30,8 +30,8 @@ SECRETS = "SCALING_SERVICE_"
 _HINDRANCES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
 _LONGEST = 2000  # characters of a text in a message. Chosen: a message must fit the pipe's buffer whole.
 
-Progress = Callable[[str, float], None]
-Work = Callable[[Path, Progress], Any]
+Progress = abc.Callable[[str, float], None]
+Work = abc.Callable[[Path, Progress], Any]
 """What a child computes: folder of the attempt, progress -> a result that is JSON-ready."""
 
 
@@ -82,27 +82,30 @@ class Child:
             text = json.dumps(result, ensure_ascii=False, allow_nan=False)
             (self.folder / RESULT).write_text(text, encoding="utf-8")
         except BaseException as error:  # noqa: BLE001 (whatever it is, it is the answer)
-            return self._explain(error)
+            # An error and what it came from
+            causes: list[BaseException] = []
+            seen: BaseException | None = error
+            while seen is not None:
+                causes.append(seen)
+                seen = seen.__cause__ or seen.__context__
+            for cause in causes:
+                number = cause.errno if isinstance(cause, OSError) else None
+                if number in _HINDRANCES:
+                    return {"hindered": os.strerror(number or 0)}
+                if number == errno.EFBIG:
+                    return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
+                out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
+                if number == errno.ENOMEM or out_of_memory:
+                    return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
+            if isinstance(error, InputError):
+                return self._failure_message(error)
+            unexpected = Failure(
+                kind="ProgramError",
+                problem=f"the program failed on this job ({type(error).__name__})",
+                remedy="Report it with the number of the job; the service's log says where it happened",
+            )
+            return {"failure": unexpected.model_dump(), "trace": code_places(error)}
         return {"finished": True}
-
-    def _explain(self, error: BaseException) -> dict[str, Any]:
-        for cause in _list_causes(error):
-            number = cause.errno if isinstance(cause, OSError) else None
-            if number in _HINDRANCES:
-                return {"hindered": os.strerror(number or 0)}
-            if number == errno.EFBIG:
-                return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
-            out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
-            if number == errno.ENOMEM or out_of_memory:
-                return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
-        if isinstance(error, InputError):
-            return self._failure_message(error)
-        unexpected = Failure(
-            kind="ProgramError",
-            problem=f"the program failed on this job ({type(error).__name__})",
-            remedy="Report it with the number of the job; the service's log says where it happened",
-        )
-        return {"failure": unexpected.model_dump(), "trace": code_places(error)}
 
     def _failure_message(self, error: InputError) -> dict[str, Any]:
         """The failure without the places on this machine, which mean nothing to a client."""
@@ -118,14 +121,6 @@ def code_places(error: BaseException) -> str:
     """Where it broke: lines of code only, for a message may hold what stands in a patient's file."""
     lines = [f"{f.filename}:{f.lineno} {f.name}" for f in traceback.extract_tb(error.__traceback__)]
     return " < ".join(reversed(lines))[:_LONGEST]
-
-
-def _list_causes(error: BaseException) -> Iterator[BaseException]:
-    """An error and what it came from."""
-    seen: BaseException | None = error
-    while seen is not None:
-        yield seen
-        seen = seen.__cause__ or seen.__context__
 
 
 def _send(pipe: int, message: dict[str, Any]) -> None:

@@ -22,8 +22,8 @@ from pydantic import ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
+from scaling_service.service.sandbox import child as children
 from scaling_service.service.sandbox import outcomes
-from scaling_service.service.sandbox.child import RESULT, Child, Progress
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.errors import StoreUnavailable
 
@@ -97,7 +97,9 @@ class SandboxProcess:
         self.messages.close()
 
 
-def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> outcomes.Outcome:
+def supervise(
+    child: children.Child, *, stop: Callable[[], bool], progress: children.Progress
+) -> outcomes.Outcome:
     """Have work done in a limited process, and wait for its end, whatever that is.
 
     ``stop`` is asked ten times a second whether to stop; ``progress`` hears what is being done and the
@@ -115,7 +117,7 @@ def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> 
 
 
 def _await_answer(
-    launched: SandboxProcess, child: Child, stop: Callable[[], bool], progress: Progress
+    launched: SandboxProcess, child: children.Child, stop: Callable[[], bool], progress: children.Progress
 ) -> dict[str, Any] | outcomes.Outcome:
     """The child's answer, or how it ended without one."""
     begun = looked = time.monotonic()
@@ -184,7 +186,7 @@ class _Lines:
         return messages
 
 
-def _parse_answer(answer: dict[str, Any], child: Child) -> outcomes.Outcome:
+def _parse_answer(answer: dict[str, Any], child: children.Child) -> outcomes.Outcome:
     """A child's last message as an outcome, with its files counted and synced by us."""
     try:
         if "failure" in answer:
@@ -197,7 +199,7 @@ def _parse_answer(answer: dict[str, Any], child: Child) -> outcomes.Outcome:
         if _count_bytes(child.folder) > child.limits.output_bytes:
             return outcomes.Failed.of(child.limits.report_exceeded("limit_output_mb"))
         # The result document, which must be JSON in the narrow sense.
-        file = child.folder / RESULT
+        file = child.folder / children.RESULT
         if file.lstat().st_size > _LARGEST_RESULT:
             raise ValueError("no result is so large")
         return outcomes.Finished(
@@ -237,7 +239,7 @@ def _make_printable(text: object) -> str:
 def _count_bytes(folder: Path) -> int:
     """Bytes that the child wrote so far, whatever else happens to the files meanwhile."""
     total = 0
-    for path in (folder / RESULT, *(folder / "outputs").rglob("*"), *(folder / "tmp").rglob("*")):
+    for path in (folder / children.RESULT, *(folder / "outputs").rglob("*"), *(folder / "tmp").rglob("*")):
         with suppress(OSError):  # removed since it was listed
             total += path.lstat().st_size
     return total

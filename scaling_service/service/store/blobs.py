@@ -7,21 +7,20 @@ and leaves the file alone.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
 import os
 import secrets
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from sqlalchemy import Connection, delete, exists, or_, select
+import sqlalchemy as sa
 
-from scaling_service.service.store import errors
-from scaling_service.service.store.database import Database, NowUs, insert_for
-from scaling_service.service.store.tables import REFERENCES, blobs
+from scaling_service.service.store import database as db
+from scaling_service.service.store import errors, tables
 
 _CHUNK = 1 << 20
 """Bytes held at once. Chosen: large enough that disks run at full speed, small beside a process."""
@@ -29,7 +28,9 @@ _CHUNK = 1 << 20
 _PRIVATE = 0o700  # only the service's own user may look: the files are of patients
 _AT_ONCE = 100  # contents removed in one transaction. Chosen: others wait for some ms only.
 
-_UNREFERRED = ~or_(*(exists().where(table.c.sha256 == blobs.c.sha256) for table in REFERENCES))
+_UNREFERRED = ~sa.or_(
+    *(sa.exists().where(table.c.sha256 == tables.blobs.c.sha256) for table in tables.REFERENCES)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ class Incoming:
     def close(self) -> None:
         """Leave nothing in scratch; what was put in place stays."""
         self._scratch.unlink(missing_ok=True)
-        with suppress(OSError):  # bytes that a full disk did not take
+        with contextlib.suppress(OSError):  # bytes that a full disk did not take
             self._file.close()
 
 
@@ -88,8 +89,8 @@ class Blobs:
             for place in (folder, folder / "scratch", self.uploads, self.work, self._blobs):
                 place.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
 
-    @contextmanager
-    def incoming(self, limit: int) -> Iterator[Incoming]:
+    @contextlib.contextmanager
+    def incoming(self, limit: int) -> abc.Iterator[Incoming]:
         """Take an upload of at most ``limit`` bytes; what is not kept in time leaves no trace."""
         with errors.disk_errors(self.folder):
             upload = Incoming(self.uploads / secrets.token_hex(16), limit)
@@ -145,7 +146,7 @@ class Blobs:
                 remedy="Check the disk, and upload the file again",
             )
 
-    def list_stored(self) -> Iterator[str]:
+    def list_stored(self) -> abc.Iterator[str]:
         """The digests of all files in place."""
         for shard in sorted(self._blobs.iterdir()):
             for file in sorted(shard.iterdir()):
@@ -155,7 +156,7 @@ class Blobs:
         """Remove uploads whose writer is gone, wherever it was killed; how many there were."""
         removed = 0
         for path in self.uploads.iterdir():
-            with suppress(BlockingIOError, FileNotFoundError), path.open("rb") as file:
+            with contextlib.suppress(BlockingIOError, FileNotFoundError), path.open("rb") as file:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 path.unlink(missing_ok=True)
                 removed += 1
@@ -186,7 +187,7 @@ def _report_content_missing(sha256: str) -> errors.ContentMissing:
     )
 
 
-def keep(connection: Connection, files: Blobs, contents: Iterable[Content]) -> None:
+def keep(connection: sa.Connection, files: Blobs, contents: abc.Iterable[Content]) -> None:
     """Lock the rows of contents and put the files in place; references follow in the same transaction.
 
     They are locked in the order of their digests, so that two writers never wait for each other in a circle.
@@ -196,31 +197,31 @@ def keep(connection: Connection, files: Blobs, contents: Iterable[Content]) -> N
         files.place(content)
 
 
-def remove_unreferenced(database: Database, files: Blobs, digests: Iterable[str]) -> int:
+def remove_unreferenced(database: db.Database, files: Blobs, digests: abc.Iterable[str]) -> int:
     """Remove those contents that nothing refers to any more; the number removed."""
     removed = 0
     with database.write() as connection:
         for sha256 in sorted(set(digests)):
-            this = select(blobs.c.sha256).where(blobs.c.sha256 == sha256)
+            this = sa.select(tables.blobs.c.sha256).where(tables.blobs.c.sha256 == sha256)
             if connection.scalar(this.with_for_update()) is None:
                 continue
             # A statement of its own: it sees what those who held the lock before have committed.
             if connection.scalar(this.where(_UNREFERRED)) is not None:
-                connection.execute(delete(blobs).where(blobs.c.sha256 == sha256))
+                connection.execute(sa.delete(tables.blobs).where(tables.blobs.c.sha256 == sha256))
                 files.remove(sha256)
                 removed += 1
     return removed
 
 
-def collect_garbage(database: Database, files: Blobs) -> int:
+def collect_garbage(database: db.Database, files: Blobs) -> int:
     """Remove all content that nothing refers to; the number of files removed.
 
     Files without a row were put in place by a transaction that then failed, or by one that is about to
     commit it: making the row first waits for that.
     """
     with database.read() as connection:
-        unused = list(connection.scalars(select(blobs.c.sha256).where(_UNREFERRED)))
-        listed = set(connection.scalars(select(blobs.c.sha256)))
+        unused = list(connection.scalars(sa.select(tables.blobs.c.sha256).where(_UNREFERRED)))
+        listed = set(connection.scalars(sa.select(tables.blobs.c.sha256)))
     unlisted = [sha256 for sha256 in files.list_stored() if sha256 not in listed]
     for sha256 in unlisted:
         with database.write() as connection:
@@ -232,8 +233,8 @@ def collect_garbage(database: Database, files: Blobs) -> int:
     )
 
 
-def _lock(connection: Connection, sha256: str, size: dict[str, int]) -> None:
+def _lock(connection: sa.Connection, sha256: str, size: dict[str, int]) -> None:
     """Make the content's row or lock the one that is there."""
-    changed = {"touched_us": NowUs()} | size
-    made = insert_for(connection)(blobs).values({"sha256": sha256, "size": 0} | changed)
-    connection.execute(made.on_conflict_do_update(index_elements=[blobs.c.sha256], set_=changed))
+    changed = {"touched_us": db.NowUs()} | size
+    made = db.insert_for(connection)(tables.blobs).values({"sha256": sha256, "size": 0} | changed)
+    connection.execute(made.on_conflict_do_update(index_elements=[tables.blobs.c.sha256], set_=changed))

@@ -6,16 +6,16 @@ so a machine whose own clock is wrong takes no job from another.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from sqlalchemy import URL, BigInteger, Connection, Engine, create_engine, event, make_url, text
+import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import ArgumentError, DBAPIError, DisconnectionError, NoSuchModuleError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
@@ -47,7 +47,7 @@ class NowUs(FunctionElement[int]):
     """Time of the database when the statement runs (µs; SQLite's clock has a resolution of 1 ms)."""
 
     name = "now_us"
-    type = BigInteger()
+    type = sa.BigInteger()
     inherit_cache = True
 
 
@@ -62,7 +62,7 @@ def _compile_for_postgresql(_element: NowUs, _compiler: Any, **_options: Any) ->
     return "CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000000 AS BIGINT)"
 
 
-def insert_for(connection: Connection) -> Any:
+def insert_for(connection: sa.Connection) -> Any:
     """The ``insert`` of a connection's own dialect, which knows what to do on conflicts."""
     return postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
 
@@ -70,19 +70,21 @@ def insert_for(connection: Connection) -> Any:
 class Database:
     """A pool of connections to ``sqlite:////path`` or ``postgresql://user:password@host/name``."""
 
-    def __init__(self, url: str | URL) -> None:
+    def __init__(self, url: str | sa.URL) -> None:
         self._engine = _make_engine(_check_url(url))
         self.is_sqlite = self._engine.dialect.name == "sqlite"
-        self._turn: AbstractContextManager[object] = threading.Lock() if self.is_sqlite else nullcontext()
+        self._turn: contextlib.AbstractContextManager[object] = (
+            threading.Lock() if self.is_sqlite else contextlib.nullcontext()
+        )
 
-    @contextmanager
-    def read(self) -> Iterator[Connection]:
+    @contextlib.contextmanager
+    def read(self) -> Iterator[sa.Connection]:
         """A transaction that sees one moment and changes nothing."""
         with database_errors(), self._engine.connect() as connection, connection.begin():
             yield connection
 
-    @contextmanager
-    def write(self) -> Iterator[Connection]:
+    @contextlib.contextmanager
+    def write(self) -> Iterator[sa.Connection]:
         """A transaction that is kept whole at the end, or not at all where an error leaves it.
 
         On SQLite there is one writer at a time. Those of this process wait without a connection, and without
@@ -98,22 +100,22 @@ class Database:
         answers: list[Any] = []
         with self._apart() as connection:
             for statement in statements:
-                found = connection.execute(text(statement))
+                found = connection.execute(sa.text(statement))
                 answers.append(found.scalar() if found.returns_rows else None)
         return answers
 
-    @contextmanager
+    @contextlib.contextmanager
     def session_lock(self, number: int) -> Iterator[None]:
         """Be the only one among all programs on this database that holds the lock (PostgreSQL only)."""
         with self._apart() as connection:
-            connection.execute(text("SELECT pg_advisory_lock(:n)"), {"n": number})
+            connection.execute(sa.text("SELECT pg_advisory_lock(:n)"), {"n": number})
             try:
                 yield
             finally:
-                connection.execute(text("SELECT pg_advisory_unlock(:n)"), {"n": number})
+                connection.execute(sa.text("SELECT pg_advisory_unlock(:n)"), {"n": number})
 
-    @contextmanager
-    def _apart(self) -> Iterator[Connection]:
+    @contextlib.contextmanager
+    def _apart(self) -> Iterator[sa.Connection]:
         # On SQLite no BEGIN is sent; PostgreSQL's driver has a mode for it.
         options = {"apart": True} if self.is_sqlite else {"isolation_level": "AUTOCOMMIT"}
         with database_errors(), self._engine.connect() as connection:
@@ -167,9 +169,9 @@ class SqliteFile:
         return found.st_dev, found.st_ino
 
 
-def _check_url(text_url: str | URL) -> URL:
+def _check_url(text_url: str | sa.URL) -> sa.URL:
     try:
-        url = make_url(text_url)
+        url = sa.make_url(text_url)
     except ArgumentError:
         url = None
     kind = None if url is None else url.get_backend_name()
@@ -182,16 +184,16 @@ def _check_url(text_url: str | URL) -> URL:
     return url.set(drivername="postgresql+psycopg") if kind == "postgresql" else url
 
 
-def _make_engine(url: URL) -> Engine:
+def _make_engine(url: sa.URL) -> sa.Engine:
     if url.get_backend_name() == "sqlite":
         file = SqliteFile(Path(url.database or ""))
-        engine = create_engine(url, creator=file.connect)
-        event.listen(engine, "connect", file.remember_connection)
-        event.listen(engine, "checkout", file.check)
-        event.listen(engine, "begin", _begin_sqlite)
+        engine = sa.create_engine(url, creator=file.connect)
+        sa.event.listen(engine, "connect", file.remember_connection)
+        sa.event.listen(engine, "checkout", file.check)
+        sa.event.listen(engine, "begin", _begin_sqlite)
         return engine
     try:
-        return create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": CONNECT_S})
+        return sa.create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": CONNECT_S})
     except (ImportError, NoSuchModuleError) as error:
         raise DependencyMissing(
             "the driver of PostgreSQL is not installed",
@@ -200,14 +202,14 @@ def _make_engine(url: URL) -> Engine:
         ) from error
 
 
-def _begin_sqlite(connection: Connection) -> None:
+def _begin_sqlite(connection: sa.Connection) -> None:
     # Asking for the write lock first: a transaction that reads and then writes could otherwise not go on.
     options = connection.get_execution_options()
     if not options.get("apart", False):
         connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes", False) else "BEGIN")
 
 
-@contextmanager
+@contextlib.contextmanager
 def database_errors() -> Iterator[None]:
     """Let errors of the connection leave as the store's; errors of a statement stay what they are."""
     try:

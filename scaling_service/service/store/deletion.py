@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterable, Sequence
+from collections import abc
 
-from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
+import sqlalchemy as sa
 
-from scaling_service.service.store import parts, tables
+from scaling_service.service.store import database as db
+from scaling_service.service.store import errors, parts, tables
 from scaling_service.service.store.blobs import Blobs, remove_unreferenced
-from scaling_service.service.store.database import US_PER_S, Database, NowUs
-from scaling_service.service.store.errors import StoreFull, report_needed
 from scaling_service.service.store.jobs import report_no_job
 from scaling_service.service.store.subjects import report_no_subject
 
@@ -35,14 +34,14 @@ _TABLES = (
 )
 
 
-def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
+def delete_job(database: db.Database, blobs: Blobs, owner: str, job: str) -> None:
     """Delete a job with all that it made, and what it alone is made of; workers notice and stop.
 
     NotFound where this owner has no such job, InUse where it is a part of one that is not over.
     """
     with database.write() as connection:
         mine = (
-            select(tables.jobs.c.id)
+            sa.select(tables.jobs.c.id)
             .where(tables.jobs.c.id == job, tables.jobs.c.owner == owner)
             .with_for_update()
         )
@@ -50,12 +49,12 @@ def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
         if not found:
             raise report_no_job(job)
         if parts.is_needed(connection, job):
-            raise report_needed(job)
+            raise errors.report_needed(job)
         gone, digests = _delete_jobs(connection, found)
     erase(database, blobs, gone, digests)
 
 
-def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
+def delete_subject(database: db.Database, blobs: Blobs, owner: str, identity: str) -> None:
     """Delete a subject, its files, and every job that rests on its data; NotFound where there is none.
 
     Where the disk has no room to do so at once, it is done in steps, each of which makes room for the next.
@@ -63,19 +62,19 @@ def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) 
     try:
         with database.write() as connection:
             found, digests = _delete_subject(connection, owner, identity)
-    except StoreFull:
+    except errors.StoreFull:
         _delete_jobs_singly(database, blobs, owner, identity)
         with database.write() as connection:
             found, digests = _delete_subject(connection, owner, identity)
     erase(database, blobs, found, digests)
 
 
-def _delete_jobs_singly(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
+def _delete_jobs_singly(database: db.Database, blobs: Blobs, owner: str, identity: str) -> None:
     resting = (tables.job_subjects.c.owner == owner) & (tables.job_subjects.c.subject == identity)
     with database.read() as connection:
         # Wholes before their parts, which go with them.
         wanted = (
-            select(tables.jobs.c.id)
+            sa.select(tables.jobs.c.id)
             .join(tables.job_subjects, tables.job_subjects.c.job == tables.jobs.c.id)
             .where(resting)
         )
@@ -86,21 +85,21 @@ def _delete_jobs_singly(database: Database, blobs: Blobs, owner: str, identity: 
         erase(database, blobs, gone, digests)
 
 
-def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
+def expire(database: db.Database, blobs: Blobs, days: float) -> tuple[int, int]:
     """Delete jobs that ended longer ago than so many days, and subjects untouched for as long; how many.
 
     A subject on whose data a kept job rests stays, and so does what a kept job is made of.
     """
-    before = NowUs() - round(days * _DAY_S * US_PER_S)
+    before = db.NowUs() - round(days * _DAY_S * db.US_PER_S)
     over = tables.jobs.c.state.in_(parts.OVER)
-    old_jobs = select(tables.jobs.c.id).where(
+    old_jobs = sa.select(tables.jobs.c.id).where(
         over, tables.jobs.c.finished_us < before, tables.jobs.c.part == 0
     )
-    used = exists().where(
+    used = sa.exists().where(
         tables.job_subjects.c.owner == tables.subjects.c.owner,
         tables.job_subjects.c.subject == tables.subjects.c.id,
     )
-    old_subjects = select(tables.subjects.c.owner, tables.subjects.c.id).where(
+    old_subjects = sa.select(tables.subjects.c.owner, tables.subjects.c.id).where(
         tables.subjects.c.updated_us < before, ~used
     )
     gone_jobs, found = 0, [""]
@@ -119,7 +118,7 @@ def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
     return gone_jobs, len(stale)
 
 
-def erase(database: Database, blobs: Blobs, gone: Iterable[str], digests: Iterable[str]) -> None:
+def erase(database: db.Database, blobs: Blobs, gone: abc.Iterable[str], digests: abc.Iterable[str]) -> None:
     """After rows were deleted: remove scratch and contents of theirs, and their traces in the database."""
     for job in gone:
         for folder in blobs.work.glob(f"{job}.*"):
@@ -128,7 +127,7 @@ def erase(database: Database, blobs: Blobs, gone: Iterable[str], digests: Iterab
     remove_traces(database)
 
 
-def remove_traces(database: Database) -> bool:
+def remove_traces(database: db.Database) -> bool:
     """Overwrite what deleted rows left behind; whether nothing is left.
 
     SQLite's log cannot be emptied while another program reads an old state of it; call it again then.
@@ -144,23 +143,23 @@ def remove_traces(database: Database) -> bool:
         time.sleep(0.02)
 
 
-def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
+def _delete_subject(connection: sa.Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
     """The jobs that went with it, and the contents that nothing of it refers to any more."""
     mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
-    if connection.scalar(select(tables.subjects.c.id).where(mine).with_for_update()) is None:
+    if connection.scalar(sa.select(tables.subjects.c.id).where(mine).with_for_update()) is None:
         raise report_no_subject(identity)
     resting = (tables.job_subjects.c.owner == owner) & (tables.job_subjects.c.subject == identity)
-    found = list(connection.scalars(select(tables.job_subjects.c.job).where(resting)))
+    found = list(connection.scalars(sa.select(tables.job_subjects.c.job).where(resting)))
     gone, digests = _delete_jobs(connection, found)
-    held: ColumnElement[bool] = (tables.subject_files.c.owner == owner) & (
+    held: sa.ColumnElement[bool] = (tables.subject_files.c.owner == owner) & (
         tables.subject_files.c.subject == identity
     )
-    digests += connection.scalars(select(tables.subject_files.c.sha256).where(held))
-    connection.execute(delete(tables.subjects).where(mine))
+    digests += connection.scalars(sa.select(tables.subject_files.c.sha256).where(held))
+    connection.execute(sa.delete(tables.subjects).where(mine))
     return gone, digests
 
 
-def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str], list[str]]:
+def _delete_jobs(connection: sa.Connection, found: abc.Sequence[str]) -> tuple[list[str], list[str]]:
     """Delete rows of jobs and of parts that belonged to them alone; all these, and what they referred to."""
     gone, digests = list(found), list[str]()
     while found:
@@ -169,10 +168,10 @@ def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str
             some = found[k : k + _AT_ONCE]
             made_of += parts.of(connection, some)
             referred = (
-                select(t.c.sha256).where(t.c.job.in_(some)) for t in (tables.job_inputs, tables.job_files)
+                sa.select(t.c.sha256).where(t.c.job.in_(some)) for t in (tables.job_inputs, tables.job_files)
             )
-            digests += connection.scalars(union(*referred))
-            connection.execute(delete(tables.jobs).where(tables.jobs.c.id.in_(some)))
+            digests += connection.scalars(sa.union(*referred))
+            connection.execute(sa.delete(tables.jobs).where(tables.jobs.c.id.in_(some)))
         found = parts.list_unneeded(connection, made_of)
         gone += found
     return gone, digests

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections import abc
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Select, Table, bindparam, func, insert, or_, select, update
+import sqlalchemy as sa
 
 from scaling_service.documents.jobs import State
+from scaling_service.service.store import database as db
 from scaling_service.service.store import tables
-from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
 
@@ -18,7 +18,9 @@ SHOWN = tuple(
     tables.jobs.c[name] for name in tables.JobRow.__dataclass_fields__
 )  # columns of a job that are small
 
-_ONE = select(*SHOWN).where(tables.jobs.c.id == bindparam("job"), tables.jobs.c.owner == bindparam("owner"))
+_ONE = sa.select(*SHOWN).where(
+    tables.jobs.c.id == sa.bindparam("job"), tables.jobs.c.owner == sa.bindparam("owner")
+)
 """Made once: whoever follows a job asks again and again."""
 
 _LEASED = tables.jobs.c.state.in_([state.value for state in State if state.is_leased])
@@ -39,12 +41,12 @@ class NewJob:
     parts: tuple[NewJob, ...] = ()  # what it is made of
 
 
-def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) -> None:
+def add(connection: sa.Connection, job: NewJob, state: str, *, part: bool = False) -> None:
     """Make a job's rows but for those of its parts; its inputs' contents must be referred to already."""
     ensure_owner(connection, job.owner)
-    now = connection.scalar(select(NowUs()))
+    now = connection.scalar(sa.select(db.NowUs()))
     connection.execute(
-        insert(tables.jobs).values(
+        sa.insert(tables.jobs).values(
             id=job.id,
             owner=job.owner,
             kind=job.kind,
@@ -58,41 +60,41 @@ def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) 
     )
     if job.subjects:
         named = [{"job": job.id, "subject": s, "owner": job.owner, "created_us": now} for s in job.subjects]
-        connection.execute(insert(tables.job_subjects), named)
+        connection.execute(sa.insert(tables.job_subjects), named)
     _add_files(connection, tables.job_inputs, job.id, job.inputs)
 
 
-def add_files(connection: Connection, job: str, files: Iterable[tables.FileRow]) -> None:
+def add_files(connection: sa.Connection, job: str, files: abc.Iterable[tables.FileRow]) -> None:
     """Say what a job made."""
     _add_files(connection, tables.job_files, job, files)
 
 
-def find(connection: Connection, job: str) -> tables.JobRow | None:
+def find(connection: sa.Connection, job: str) -> tables.JobRow | None:
     """A job as this transaction sees it; None if there is none."""
-    return find_first(connection, select(*SHOWN).where(tables.jobs.c.id == job))
+    return find_first(connection, sa.select(*SHOWN).where(tables.jobs.c.id == job))
 
 
-def lock(connection: Connection, job: str, owner: str | None = None) -> tables.JobRow | None:
+def lock(connection: sa.Connection, job: str, owner: str | None = None) -> tables.JobRow | None:
     """A job that nobody else can change before this write transaction ends; None if there is none."""
-    statement = select(*SHOWN).where(tables.jobs.c.id == job).with_for_update()
+    statement = sa.select(*SHOWN).where(tables.jobs.c.id == job).with_for_update()
     return find_first(
         connection, statement if owner is None else statement.where(tables.jobs.c.owner == owner)
     )
 
 
-def find_first(connection: Connection, statement: Select[Any], **values: str) -> tables.JobRow | None:
+def find_first(connection: sa.Connection, statement: sa.Select[Any], **values: str) -> tables.JobRow | None:
     """The one job that a statement finds, if any; ``values``: of its parameters."""
     found = connection.execute(statement, values).mappings().one_or_none()
     return None if found is None else tables.make_job_row(found)
 
 
-def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
+def change(connection: sa.Connection, job: str, values: abc.Mapping[str, Any]) -> None:
     """Write columns of a job that is locked; its revision grows."""
-    written = {"updated_us": NowUs()} | dict(values) | {"revision": tables.jobs.c.revision + 1}
-    connection.execute(update(tables.jobs).where(tables.jobs.c.id == job).values(written))
+    written = {"updated_us": db.NowUs()} | dict(values) | {"revision": tables.jobs.c.revision + 1}
+    connection.execute(sa.update(tables.jobs).where(tables.jobs.c.id == job).values(written))
 
 
-def get(database: Database, owner: str, job: str) -> tables.JobRow:
+def get(database: db.Database, owner: str, job: str) -> tables.JobRow:
     """One job; NotFound where this owner has none of that name."""
     with database.read() as connection:
         found = find_first(connection, _ONE, job=job, owner=owner)
@@ -101,9 +103,9 @@ def get(database: Database, owner: str, job: str) -> tables.JobRow:
     return found
 
 
-def read_documents(database: Database, owner: str, job: str) -> tuple[str, str | None, str | None]:
+def read_documents(database: db.Database, owner: str, job: str) -> tuple[str, str | None, str | None]:
     """A job's specification, result and provenance as JSON texts; NotFound as in :func:`get`."""
-    wanted = select(tables.jobs.c.specification, tables.jobs.c.result, tables.jobs.c.provenance)
+    wanted = sa.select(tables.jobs.c.specification, tables.jobs.c.result, tables.jobs.c.provenance)
     with database.read() as connection:
         found = connection.execute(
             wanted.where(tables.jobs.c.id == job, tables.jobs.c.owner == owner)
@@ -113,13 +115,13 @@ def read_documents(database: Database, owner: str, job: str) -> tuple[str, str |
     return found.specification, found.result, found.provenance
 
 
-def list_files(database: Database, owner: str, job: str) -> list[tables.FileRow]:
+def list_files(database: db.Database, owner: str, job: str) -> list[tables.FileRow]:
     """What a job made, by path; NotFound as in :func:`get`."""
     get(database, owner, job)
     return _list_files_of(database, tables.job_files, job)
 
 
-def list_inputs(database: Database, job: str) -> list[tables.FileRow]:
+def list_inputs(database: db.Database, job: str) -> list[tables.FileRow]:
     """What a job was asked to work on, by path."""
     return _list_files_of(database, tables.job_inputs, job)
 
@@ -130,7 +132,7 @@ def report_no_job(job: str) -> NotFound:
 
 
 def list_page(
-    database: Database,
+    database: db.Database,
     owner: str,
     *,
     state: State | None = None,
@@ -142,10 +144,10 @@ def list_page(
     """An owner's jobs, newest first, of one state, kind or subject where given."""
     if subject is None:
         order = (tables.jobs.c.created_us, tables.jobs.c.id)
-        statement = select(*SHOWN).where(tables.jobs.c.owner == owner)
+        statement = sa.select(*SHOWN).where(tables.jobs.c.owner == owner)
     else:
         order = (tables.job_subjects.c.created_us, tables.job_subjects.c.job)
-        statement = select(*SHOWN).join(tables.job_subjects, tables.job_subjects.c.job == tables.jobs.c.id)
+        statement = sa.select(*SHOWN).join(tables.job_subjects, tables.job_subjects.c.job == tables.jobs.c.id)
         statement = statement.where(
             tables.job_subjects.c.owner == owner, tables.job_subjects.c.subject == subject
         )
@@ -157,33 +159,35 @@ def list_page(
         return tables.read_page(connection, statement, order, cursor, limit, tables.make_job_row)
 
 
-def count_by_state(database: Database) -> dict[State, int]:
+def count_by_state(database: db.Database) -> dict[State, int]:
     """Jobs of all owners by state, for monitoring."""
     with database.read() as connection:
         rows = connection.execute(
-            select(tables.jobs.c.state, func.count()).group_by(tables.jobs.c.state)
+            sa.select(tables.jobs.c.state, sa.func.count()).group_by(tables.jobs.c.state)
         ).all()
     return dict.fromkeys(State, 0) | {State(state): number for state, number in rows}
 
 
-def _list_files_of(database: Database, table: Table, job: str) -> list[tables.FileRow]:
-    wanted = select(table.c.path, table.c.sha256, table.c.size).where(table.c.job == job)
+def _list_files_of(database: db.Database, table: sa.Table, job: str) -> list[tables.FileRow]:
+    wanted = sa.select(table.c.path, table.c.sha256, table.c.size).where(table.c.job == job)
     with database.read() as connection:
         return [tables.FileRow(*row) for row in connection.execute(wanted.order_by(table.c.path))]
 
 
-def _add_files(connection: Connection, table: Table, job: str, files: Iterable[tables.FileRow]) -> None:
+def _add_files(
+    connection: sa.Connection, table: sa.Table, job: str, files: abc.Iterable[tables.FileRow]
+) -> None:
     rows = [{"job": job, "path": f.name, "sha256": f.sha256, "size": f.size} for f in files]
     if rows:
-        connection.execute(insert(table), rows)
+        connection.execute(sa.insert(table), rows)
 
 
-def _is_queued(kinds: Collection[str] | None) -> ColumnElement[bool]:
+def _is_queued(kinds: abc.Collection[str] | None) -> sa.ColumnElement[bool]:
     return _QUEUED if kinds is None else _QUEUED & tables.jobs.c.kind.in_(kinds)
 
 
 def lock_next(
-    connection: Connection, kinds: Collection[str] | None = None, without: Collection[str] = ()
+    connection: sa.Connection, kinds: abc.Collection[str] | None = None, without: abc.Collection[str] = ()
 ) -> tables.JobRow | None:
     """The next job, locked, of any kind or of some; None where nothing waits. ``without``: these owners.
 
@@ -195,20 +199,20 @@ def lock_next(
     mine = tables.jobs.c.owner == tables.owners.c.name
     # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
     waits = (
-        select(tables.jobs.c.id)
+        sa.select(tables.jobs.c.id)
         .where(mine, _is_queued(kinds))
         .limit(1)
         .correlate(tables.owners)
         .scalar_subquery()
     )
-    running = select(func.count()).where(mine, _LEASED).correlate(tables.owners).scalar_subquery()
-    wanted = select(tables.owners.c.name).where(waits.is_not(None))
+    running = sa.select(sa.func.count()).where(mine, _LEASED).correlate(tables.owners).scalar_subquery()
+    wanted = sa.select(tables.owners.c.name).where(waits.is_not(None))
     waiting = wanted.order_by(running, tables.owners.c.served_us, tables.owners.c.name).where(
         tables.owners.c.name.not_in(without)
     )
     for owner in connection.scalars(waiting).all():
         oldest = (
-            select(*SHOWN)
+            sa.select(*SHOWN)
             .where(tables.jobs.c.owner == owner, _is_queued(kinds))
             .order_by(tables.jobs.c.losses, tables.jobs.c.part, tables.jobs.c.created_us, tables.jobs.c.id)
             .limit(1)
@@ -217,81 +221,81 @@ def lock_next(
         found = find_first(connection, oldest)
         if found is not None:
             connection.execute(
-                update(tables.owners).where(tables.owners.c.name == owner).values(served_us=NowUs())
+                sa.update(tables.owners).where(tables.owners.c.name == owner).values(served_us=db.NowUs())
             )
             return found
     return None
 
 
-def has_queued_at_least(connection: Connection, owner: str, number: int) -> bool:
+def has_queued_at_least(connection: sa.Connection, owner: str, number: int) -> bool:
     """Whether an owner has that many jobs queued or more."""
-    some = select(tables.jobs.c.id).where(tables.jobs.c.owner == owner, _QUEUED).limit(number)
-    return (connection.scalar(select(func.count()).select_from(some.subquery())) or 0) >= number
+    some = sa.select(tables.jobs.c.id).where(tables.jobs.c.owner == owner, _QUEUED).limit(number)
+    return (connection.scalar(sa.select(sa.func.count()).select_from(some.subquery())) or 0) >= number
 
 
 def has_queued(
-    database: Database, kinds: Collection[str] | None = None, without: Collection[str] = ()
+    database: db.Database, kinds: abc.Collection[str] | None = None, without: abc.Collection[str] = ()
 ) -> bool:
     """Whether a job waits, of any kind or of some, of any owner but these."""
-    some = select(tables.jobs.c.id).where(_is_queued(kinds), tables.jobs.c.owner.not_in(without)).limit(1)
+    some = sa.select(tables.jobs.c.id).where(_is_queued(kinds), tables.jobs.c.owner.not_in(without)).limit(1)
     with database.read() as connection:
         return connection.scalar(some) is not None
 
 
 def compute_lease_end(seconds: float) -> Any:
     """The moment so many seconds from now, by the database's clock."""
-    return NowUs() + round(seconds * US_PER_S)
+    return db.NowUs() + round(seconds * db.US_PER_S)
 
 
-def lock_lost(connection: Connection, dead: Iterable[str]) -> list[tables.JobRow]:
+def lock_lost(connection: sa.Connection, dead: abc.Iterable[str]) -> list[tables.JobRow]:
     """Jobs, locked, that dead workers hold, or workers that did not renew their lease in time."""
-    gone = or_(tables.jobs.c.worker.in_(list(dead)), tables.jobs.c.lease_until_us < NowUs())
-    wanted = select(*SHOWN).where(_LEASED, gone).order_by(tables.jobs.c.id).with_for_update()
+    gone = sa.or_(tables.jobs.c.worker.in_(list(dead)), tables.jobs.c.lease_until_us < db.NowUs())
+    wanted = sa.select(*SHOWN).where(_LEASED, gone).order_by(tables.jobs.c.id).with_for_update()
     return [tables.make_job_row(row) for row in connection.execute(wanted).mappings()]
 
 
-def list_held(database: Database, worker: str) -> dict[str, tables.JobRow]:
+def list_held(database: db.Database, worker: str) -> dict[str, tables.JobRow]:
     """The jobs that a worker holds."""
     with database.read() as connection:
-        rows = connection.execute(select(*SHOWN).where(tables.jobs.c.worker == worker, _LEASED)).mappings()
+        rows = connection.execute(sa.select(*SHOWN).where(tables.jobs.c.worker == worker, _LEASED)).mappings()
         return {row.id: row for row in map(tables.make_job_row, rows)}
 
 
-def list_holders(database: Database) -> list[str]:
+def list_holders(database: db.Database) -> list[str]:
     """All workers that hold jobs."""
     with database.read() as connection:
-        found = connection.scalars(select(tables.jobs.c.worker).where(_LEASED).distinct())
+        found = connection.scalars(sa.select(tables.jobs.c.worker).where(_LEASED).distinct())
         return [worker for worker in found if worker is not None]
 
 
-def list_running_attempts(database: Database) -> set[tuple[str, int]]:
+def list_running_attempts(database: db.Database) -> set[tuple[str, int]]:
     """Every job and attempt that some worker holds."""
     with database.read() as connection:
-        rows = connection.execute(select(tables.jobs.c.id, tables.jobs.c.attempt).where(_LEASED))
+        rows = connection.execute(sa.select(tables.jobs.c.id, tables.jobs.c.attempt).where(_LEASED))
         return {(row.id, row.attempt) for row in rows}
 
 
-def renew(database: Database, worker: str, seconds: float) -> None:
+def renew(database: db.Database, worker: str, seconds: float) -> None:
     """Hold all of a worker's jobs for longer; those that it lost meanwhile stay lost."""
-    held = update(tables.jobs).where(tables.jobs.c.worker == worker, _LEASED)
+    held = sa.update(tables.jobs).where(tables.jobs.c.worker == worker, _LEASED)
     with database.write() as connection:
         connection.execute(held.values(lease_until_us=compute_lease_end(seconds)))
 
 
-def explain_wait(database: Database, why: str) -> None:
+def explain_wait(database: db.Database, why: str) -> None:
     """Have all queued jobs say what they wait for."""
-    queued = update(tables.jobs).where(
+    queued = sa.update(tables.jobs).where(
         tables.jobs.c.state == State.QUEUED.value, tables.jobs.c.progress_what != why
     )
     with database.write() as connection:
         connection.execute(
-            queued.values(progress_what=why, updated_us=NowUs(), revision=tables.jobs.c.revision + 1)
+            queued.values(progress_what=why, updated_us=db.NowUs(), revision=tables.jobs.c.revision + 1)
         )
 
 
-def report(database: Database, worker: str, progress: Iterable[tuple[str, int, float, str]]) -> None:
+def report(database: db.Database, worker: str, progress: abc.Iterable[tuple[str, int, float, str]]) -> None:
     """Write progress: job, attempt, share of the whole (0 to 1), what is being done."""
-    running = update(tables.jobs).where(
+    running = sa.update(tables.jobs).where(
         tables.jobs.c.worker == worker, tables.jobs.c.state == State.RUNNING.value
     )
     with database.write() as connection:
@@ -300,7 +304,7 @@ def report(database: Database, worker: str, progress: Iterable[tuple[str, int, f
                 running.where(tables.jobs.c.id == job, tables.jobs.c.attempt == attempt).values(
                     progress_share=share,
                     progress_what=what[:200],
-                    updated_us=NowUs(),
+                    updated_us=db.NowUs(),
                     revision=tables.jobs.c.revision + 1,
                 )
             )

@@ -6,21 +6,21 @@ import hashlib
 import hmac
 import secrets
 
-from sqlalchemy import Connection, delete, insert, select, update
+import sqlalchemy as sa
 
 from scaling_service.core.errors import InputError
+from scaling_service.service.store import database as db
 from scaling_service.service.store import tables
-from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 
 PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 
 _SHOWN = tuple(tables.api_keys.c[name] for name in tables.KeyRow.__dataclass_fields__)
-_ANY_VALID = select(tables.api_keys.c.id).where(tables.api_keys.c.revoked_us.is_(None)).limit(1)
+_ANY_VALID = sa.select(tables.api_keys.c.id).where(tables.api_keys.c.revoked_us.is_(None)).limit(1)
 _LONGEST = 200
 
 
-def create(database: Database, owner: str, label: str = "") -> tuple[tables.KeyRow, str]:
+def create(database: db.Database, owner: str, label: str = "") -> tuple[tables.KeyRow, str]:
     """Make a key of an owner, and its secret; several keys of one owner see the same things.
 
     The secret is to be shown once; only its SHA-256 is kept. (Its 256 random bits need no slow hash.)
@@ -35,17 +35,17 @@ def create(database: Database, owner: str, label: str = "") -> tuple[tables.KeyR
     with database.write() as connection:
         ensure_owner(connection, owner)
         made = {"id": identity, "owner": owner, "label": label, "secret_sha256": _digest(token)}
-        connection.execute(insert(tables.api_keys).values(made | {"created_us": NowUs()}))
-        row = connection.execute(select(*_SHOWN).where(tables.api_keys.c.id == identity)).mappings().one()
+        connection.execute(sa.insert(tables.api_keys).values(made | {"created_us": db.NowUs()}))
+        row = connection.execute(sa.select(*_SHOWN).where(tables.api_keys.c.id == identity)).mappings().one()
     return tables.KeyRow(**row), token
 
 
-def find_owner(database: Database, token: str) -> str | None:
+def find_owner(database: db.Database, token: str) -> str | None:
     """The owner whose key this is; None for one that is unknown or revoked."""
     parts = token.split("_", 2)
     if len(parts) != 3 or parts[0] != PREFIX or not (token.isascii() and token.isprintable()):
         return None
-    wanted = select(tables.api_keys.c.owner, tables.api_keys.c.secret_sha256).where(
+    wanted = sa.select(tables.api_keys.c.owner, tables.api_keys.c.secret_sha256).where(
         tables.api_keys.c.id == parts[1], tables.api_keys.c.revoked_us.is_(None)
     )
     with database.read() as connection:
@@ -55,35 +55,35 @@ def find_owner(database: Database, token: str) -> str | None:
     return str(found.owner)
 
 
-def list_all(database: Database) -> list[tables.KeyRow]:
+def list_all(database: db.Database) -> list[tables.KeyRow]:
     """All keys, revoked ones too, oldest first."""
     with database.read() as connection:
         rows = connection.execute(
-            select(*_SHOWN).order_by(tables.api_keys.c.created_us, tables.api_keys.c.id)
+            sa.select(*_SHOWN).order_by(tables.api_keys.c.created_us, tables.api_keys.c.id)
         ).mappings()
         return [tables.KeyRow(**row) for row in rows]
 
 
-def has_valid(database: Database) -> bool:
+def has_valid(database: db.Database) -> bool:
     """Whether a key exists that is not revoked."""
     with database.read() as connection:
         return connection.scalar(_ANY_VALID) is not None
 
 
-def revoke(database: Database, identity: str) -> None:
+def revoke(database: db.Database, identity: str) -> None:
     """Let a key open nothing any more, nor its owner's links; NotFound where no such key is valid."""
     valid = (tables.api_keys.c.id == identity) & tables.api_keys.c.revoked_us.is_(None)
     with database.write() as connection:
-        done = connection.execute(update(tables.api_keys).where(valid).values(revoked_us=NowUs()))
-        of_key = select(tables.api_keys.c.owner).where(tables.api_keys.c.id == identity)
-        connection.execute(delete(tables.links).where(tables.links.c.owner.in_(of_key)))
+        done = connection.execute(sa.update(tables.api_keys).where(valid).values(revoked_us=db.NowUs()))
+        of_key = sa.select(tables.api_keys.c.owner).where(tables.api_keys.c.id == identity)
+        connection.execute(sa.delete(tables.links).where(tables.links.c.owner.in_(of_key)))
     if done.rowcount == 0:
         raise NotFound(f"there is no valid key '{identity}'", field="key", remedy="List the keys")
 
 
-def ensure_owner(connection: Connection, owner: str) -> None:
+def ensure_owner(connection: sa.Connection, owner: str) -> None:
     """Make the owner's row if it is not there."""
-    made = insert_for(connection)(tables.owners).values(name=owner, served_us=0)
+    made = db.insert_for(connection)(tables.owners).values(name=owner, served_us=0)
     connection.execute(made.on_conflict_do_nothing())
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sqlalchemy import func, select, union
+import sqlalchemy as sa
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.store import tables
@@ -35,7 +35,7 @@ class Spare:
 
     def keep(self, most: int = SPARE_BYTES, share: int = _SHARE) -> None:
         """Take the room, where there is some: at most so many bytes, and this part of what is free."""
-        with suppress(OSError):  # then there is none to keep
+        with contextlib.suppress(OSError):  # then there is none to keep
             size = min(most, shutil.disk_usage(self._file.parent).free // share)
             if self._file.exists() or not size:
                 return
@@ -45,11 +45,11 @@ class Spare:
             finally:
                 os.close(handle)
 
-    @contextmanager
+    @contextlib.contextmanager
     def given_up(self) -> Iterator[None]:
         """Leave the room to what happens meanwhile, where the disk is so full; then take it again."""
         size = 0
-        with suppress(OSError):  # the disk is away, which the change itself will say
+        with contextlib.suppress(OSError):  # the disk is away, which the change itself will say
             if shutil.disk_usage(self._file.parent).free < SPARE_BYTES:
                 size = self._file.stat().st_size
                 self._file.unlink()
@@ -99,15 +99,15 @@ class Quotas:
 
 def measure_taken(database: Database, owner: str) -> int:
     """Bytes of all that an owner uploaded and that was made of it, each content once."""
-    uploaded = select(tables.subject_files.c.sha256, tables.subject_files.c.size).where(
+    uploaded = sa.select(tables.subject_files.c.sha256, tables.subject_files.c.size).where(
         tables.subject_files.c.owner == owner
     )
     of_jobs = (
-        select(table.c.sha256, table.c.size)
+        sa.select(table.c.sha256, table.c.size)
         .join(tables.jobs, tables.jobs.c.id == table.c.job)
         .where(tables.jobs.c.owner == owner)
         for table in (tables.job_inputs, tables.job_files)
     )
-    every = union(uploaded, *of_jobs).subquery()
+    every = sa.union(uploaded, *of_jobs).subquery()
     with database.read() as connection:
-        return int(connection.scalar(select(func.sum(every.c.size))) or 0)
+        return int(connection.scalar(sa.select(sa.func.sum(every.c.size))) or 0)

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
 
+import sqlalchemy as sa
 from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from alembic.util import CommandError
-from sqlalchemy import URL, Connection, text
 
+from scaling_service.service.store import blobs as store_blobs
+from scaling_service.service.store import database as db
 from scaling_service.service.store import deletion, errors, jobs
-from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
-from scaling_service.service.store.database import Database, SqliteFile
 from scaling_service.service.store.room import Spare
 from scaling_service.service.store.tables import metadata
 
@@ -30,7 +30,7 @@ LOCK_NUMBER = 0x5CA1_1A6
 SQLITE_NAME = "store.sqlite"
 
 
-def upgrade(database: Database, folder: Path) -> None:
+def upgrade(database: db.Database, folder: Path) -> None:
     """Make or change the tables as this version of the program needs them; a failure changes nothing.
 
     Programs that start at the same moment wait for the first; on SQLite by a lock file in the folder.
@@ -54,7 +54,7 @@ def upgrade(database: Database, folder: Path) -> None:
             command.upgrade(config, "head")
 
 
-def configure(connection: Connection) -> Config:
+def configure(connection: sa.Connection) -> Config:
     """What Alembic's commands take, to work over a connection."""
     config = Config()
     config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
@@ -62,8 +62,8 @@ def configure(connection: Connection) -> Config:
     return config
 
 
-@contextmanager
-def _alone(database: Database, folder: Path) -> Iterator[None]:
+@contextlib.contextmanager
+def _alone(database: db.Database, folder: Path) -> Iterator[None]:
     if not database.is_sqlite:
         with database.session_lock(LOCK_NUMBER):
             yield
@@ -77,18 +77,18 @@ def _alone(database: Database, folder: Path) -> Iterator[None]:
 class Store:
     """Rows and files of a service."""
 
-    database: Database
-    blobs: Blobs
+    database: db.Database
+    blobs: store_blobs.Blobs
 
     @classmethod
     def open(cls, folder: Path, database_url: str | None = None) -> Store:
         """Open a data directory, made with its tables where needed; SQLite in it unless a URL is given."""
-        blobs = Blobs(folder.absolute())
+        blobs = store_blobs.Blobs(folder.absolute())
         here = blobs.folder / SQLITE_NAME
         if database_url is None:
             with errors.disk_errors(blobs.folder):
-                SqliteFile(here).make()
-        database = Database(database_url or URL.create("sqlite", database=str(here)))
+                db.SqliteFile(here).make()
+        database = db.Database(database_url or sa.URL.create("sqlite", database=str(here)))
         try:
             upgrade(database, blobs.folder)
         except BaseException:
@@ -103,15 +103,15 @@ class Store:
         """What is kept back so that deleting works on a full disk."""
         return Spare(self.blobs.folder)
 
-    def read(self) -> AbstractContextManager[Connection]:
+    def read(self) -> contextlib.AbstractContextManager[sa.Connection]:
         """A transaction that sees one moment."""
         return self.database.read()
 
-    def write(self) -> AbstractContextManager[Connection]:
+    def write(self) -> contextlib.AbstractContextManager[sa.Connection]:
         """A transaction that is kept whole, or not at all."""
         return self.database.write()
 
-    def incoming(self, limit: int) -> AbstractContextManager[Incoming]:
+    def incoming(self, limit: int) -> contextlib.AbstractContextManager[store_blobs.Incoming]:
         """An upload of at most ``limit`` bytes."""
         return self.blobs.incoming(limit)
 
@@ -124,14 +124,14 @@ class Store:
         for folder in found:  # listed before the jobs were asked for: a new one is among the living
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)
-        collect_garbage(self.database, self.blobs)
+        store_blobs.collect_garbage(self.database, self.blobs)
         self.spare.keep()
         deletion.remove_traces(self.database)
 
     def check(self) -> None:
         """Raise StoreUnavailable where rows cannot be read now, or files not be written."""
         with self.read() as connection:
-            connection.execute(text("SELECT 1"))
+            connection.execute(sa.text("SELECT 1"))
         with errors.disk_errors(self.blobs.folder), TemporaryFile(dir=self.blobs.uploads) as probe:
             probe.write(b"probe")
             probe.flush()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, select, update
+import sqlalchemy as sa
 
 from scaling_service.core.errors import InputError
+from scaling_service.service.store import blobs as store_blobs
+from scaling_service.service.store import database as db
 from scaling_service.service.store import tables
-from scaling_service.service.store.blobs import Blobs, Content, keep, remove_unreferenced
-from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
 
@@ -17,7 +17,7 @@ _SHOWN = tuple(tables.subjects.c[name] for name in tables.SubjectRow.__dataclass
 
 
 def put(
-    database: Database, owner: str, identity: str, document: str, *, most: int | None = None
+    database: db.Database, owner: str, identity: str, document: str, *, most: int | None = None
 ) -> tuple[tables.SubjectRow, bool]:
     """Keep a subject's document, and whether its name is new; files that were uploaded before stay.
 
@@ -27,13 +27,17 @@ def put(
     with database.write() as connection:
         ensure_owner(connection, owner)
         changed = connection.execute(
-            update(tables.subjects)
+            sa.update(tables.subjects)
             .where(mine)
-            .values(document=document, updated_us=NowUs(), revision=tables.subjects.c.revision + 1)
+            .values(document=document, updated_us=db.NowUs(), revision=tables.subjects.c.revision + 1)
         )
         new = changed.rowcount == 0
         if new:
-            own = select(func.count()).select_from(tables.subjects).where(tables.subjects.c.owner == owner)
+            own = (
+                sa.select(sa.func.count())
+                .select_from(tables.subjects)
+                .where(tables.subjects.c.owner == owner)
+            )
             if most is not None and (connection.scalar(own) or 0) >= most:
                 raise InputError(
                     f"there are {most:,} subjects, which is the most",
@@ -41,43 +45,43 @@ def put(
                     remedy="Delete subjects that are not needed",
                 )
             connection.execute(
-                insert(tables.subjects).values(
-                    owner=owner, id=identity, document=document, created_us=NowUs(), updated_us=NowUs()
+                sa.insert(tables.subjects).values(
+                    owner=owner, id=identity, document=document, created_us=db.NowUs(), updated_us=db.NowUs()
                 )
             )
-        return tables.SubjectRow(**connection.execute(select(*_SHOWN).where(mine)).mappings().one()), new
+        return tables.SubjectRow(**connection.execute(sa.select(*_SHOWN).where(mine)).mappings().one()), new
 
 
-def get(database: Database, owner: str, identity: str) -> tables.SubjectRow:
+def get(database: db.Database, owner: str, identity: str) -> tables.SubjectRow:
     """One subject; NotFound where this owner has none of that name."""
     mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
     with database.read() as connection:
-        found = connection.execute(select(*_SHOWN).where(mine)).mappings().one_or_none()
+        found = connection.execute(sa.select(*_SHOWN).where(mine)).mappings().one_or_none()
     if found is None:
         raise report_no_subject(identity)
     return tables.SubjectRow(**found)
 
 
-def read_document(database: Database, owner: str, identity: str) -> str:
+def read_document(database: db.Database, owner: str, identity: str) -> str:
     """A subject's document as it was put; NotFound where this owner has none of that name."""
     with database.read() as connection:
         return read_document_in(connection, owner, identity)
 
 
-def read_document_in(connection: Connection, owner: str, identity: str) -> str:
+def read_document_in(connection: sa.Connection, owner: str, identity: str) -> str:
     """:func:`read_document` within a transaction."""
     mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
-    found = connection.scalar(select(tables.subjects.c.document).where(mine))
+    found = connection.scalar(sa.select(tables.subjects.c.document).where(mine))
     if found is None:
         raise report_no_subject(identity)
     return str(found)
 
 
 def list_page(
-    database: Database, owner: str, cursor: str | None = None, limit: int = 50
+    database: db.Database, owner: str, cursor: str | None = None, limit: int = 50
 ) -> tables.Page[tables.SubjectRow]:
     """An owner's subjects, newest first."""
-    mine = select(*_SHOWN).where(tables.subjects.c.owner == owner)
+    mine = sa.select(*_SHOWN).where(tables.subjects.c.owner == owner)
     order = (tables.subjects.c.created_us, tables.subjects.c.id)
     with database.read() as connection:
         return tables.read_page(connection, mine, order, cursor, limit, lambda row: tables.SubjectRow(**row))
@@ -89,7 +93,14 @@ def report_no_subject(identity: str) -> NotFound:
 
 
 def attach(
-    database: Database, blobs: Blobs, owner: str, identity: str, name: str, content: Content, *, most: int
+    database: db.Database,
+    blobs: store_blobs.Blobs,
+    owner: str,
+    identity: str,
+    name: str,
+    content: store_blobs.Content,
+    *,
+    most: int,
 ) -> tables.FileRow:
     """Keep an upload as a subject's file, of which it may have ``most``; one of the same name is replaced."""
     row = tables.FileRow(name, content.sha256, content.size)
@@ -97,35 +108,42 @@ def attach(
     with database.write() as connection:
         _touch(connection, owner, identity)
         replaced = connection.scalars(
-            delete(tables.subject_files)
+            sa.delete(tables.subject_files)
             .where(mine, tables.subject_files.c.name == name)
             .returning(tables.subject_files.c.sha256)
         ).all()
         if (
-            connection.scalar(select(func.count()).select_from(tables.subject_files).where(mine)) or 0
+            connection.scalar(sa.select(sa.func.count()).select_from(tables.subject_files).where(mine)) or 0
         ) >= most:
             raise InputError(
                 f"subject '{identity}' has {most} files already, which is the most",
                 field="name",
                 remedy="Remove files that are not needed",
             )
-        keep(connection, blobs, [content])
+        store_blobs.keep(connection, blobs, [content])
         connection.execute(
-            insert(tables.subject_files).values(
-                owner=owner, subject=identity, name=name, sha256=row.sha256, size=row.size, updated_us=NowUs()
+            sa.insert(tables.subject_files).values(
+                owner=owner,
+                subject=identity,
+                name=name,
+                sha256=row.sha256,
+                size=row.size,
+                updated_us=db.NowUs(),
             )
         )
-    remove_unreferenced(database, blobs, set(replaced) - {row.sha256})
+    store_blobs.remove_unreferenced(database, blobs, set(replaced) - {row.sha256})
     return row
 
 
-def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: Iterable[str]) -> None:
+def detach(
+    database: db.Database, blobs: store_blobs.Blobs, owner: str, identity: str, names: Iterable[str]
+) -> None:
     """Remove files of a subject, or none where one is not there; jobs keep their own reference."""
     gone: list[str] = []
     with database.write() as connection:
         for name in names:
             found = connection.scalar(
-                delete(tables.subject_files)
+                sa.delete(tables.subject_files)
                 .where(_select_files(owner, identity), tables.subject_files.c.name == name)
                 .returning(tables.subject_files.c.sha256)
             )
@@ -133,44 +151,44 @@ def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: I
                 raise NotFound(f"subject '{identity}' has no file '{name}'", field="name")
             gone.append(found)
         _touch(connection, owner, identity)
-    remove_unreferenced(database, blobs, gone)
+    store_blobs.remove_unreferenced(database, blobs, gone)
 
 
-def list_files(database: Database, owner: str, identity: str) -> list[tables.FileRow]:
+def list_files(database: db.Database, owner: str, identity: str) -> list[tables.FileRow]:
     """A subject's files, by name; NotFound where this owner has no such subject."""
     get(database, owner, identity)
     with database.read() as connection:
         return list_files_in(connection, owner, identity)
 
 
-def list_files_in(connection: Connection, owner: str, identity: str) -> list[tables.FileRow]:
+def list_files_in(connection: sa.Connection, owner: str, identity: str) -> list[tables.FileRow]:
     """:func:`list_files` within a transaction."""
     rows = connection.execute(
-        select(tables.subject_files.c.name, tables.subject_files.c.sha256, tables.subject_files.c.size)
+        sa.select(tables.subject_files.c.name, tables.subject_files.c.sha256, tables.subject_files.c.size)
         .where(_select_files(owner, identity))
         .order_by(tables.subject_files.c.name)
     )
     return [tables.FileRow(*row) for row in rows]
 
 
-def _select_files(owner: str, identity: str) -> ColumnElement[bool]:
-    return and_(tables.subject_files.c.owner == owner, tables.subject_files.c.subject == identity)
+def _select_files(owner: str, identity: str) -> sa.ColumnElement[bool]:
+    return sa.and_(tables.subject_files.c.owner == owner, tables.subject_files.c.subject == identity)
 
 
-def _touch(connection: Connection, owner: str, identity: str) -> None:
+def _touch(connection: sa.Connection, owner: str, identity: str) -> None:
     """Lock the subject's row and note the change."""
     done = connection.execute(
-        update(tables.subjects)
+        sa.update(tables.subjects)
         .where(tables.subjects.c.owner == owner, tables.subjects.c.id == identity)
-        .values(updated_us=NowUs(), revision=tables.subjects.c.revision + 1)
+        .values(updated_us=db.NowUs(), revision=tables.subjects.c.revision + 1)
     )
     if done.rowcount == 0:
         raise report_no_subject(identity)
 
 
-def read_marker_map(database: Database, owner: str) -> tables.MarkerMapRow | None:
+def read_marker_map(database: db.Database, owner: str) -> tables.MarkerMapRow | None:
     """Which label is which marker in an owner's laboratory; None where that was never said."""
-    wanted = select(tables.marker_maps.c.document, tables.marker_maps.c.updated_us).where(
+    wanted = sa.select(tables.marker_maps.c.document, tables.marker_maps.c.updated_us).where(
         tables.marker_maps.c.owner == owner
     )
     with database.read() as connection:
@@ -178,10 +196,32 @@ def read_marker_map(database: Database, owner: str) -> tables.MarkerMapRow | Non
     return None if found is None else tables.MarkerMapRow(*found)
 
 
-def put_marker_map(database: Database, owner: str, document: str) -> None:
+def put_marker_map(database: db.Database, owner: str, document: str) -> None:
     """Keep an owner's map, as JSON, in place of the one before."""
-    kept = {"document": document, "updated_us": NowUs()}
+    kept = {"document": document, "updated_us": db.NowUs()}
     with database.write() as connection:
         ensure_owner(connection, owner)
-        made = insert_for(connection)(tables.marker_maps).values({"owner": owner} | kept)
+        made = db.insert_for(connection)(tables.marker_maps).values({"owner": owner} | kept)
         connection.execute(made.on_conflict_do_update(index_elements=[tables.marker_maps.c.owner], set_=kept))
+
+
+def read_note(database: db.Database, owner: str, identity: str) -> tables.NoteRow | None:
+    """What was written about a subject; None where nothing was."""
+    wanted = sa.select(tables.notes.c.document, tables.notes.c.updated_us).where(
+        tables.notes.c.owner == owner, tables.notes.c.subject == identity
+    )
+    with database.read() as connection:
+        found = connection.execute(wanted).one_or_none()
+    return None if found is None else tables.NoteRow(*found)
+
+
+def put_note(database: db.Database, owner: str, identity: str, document: str) -> None:
+    """Keep what is written about a subject, as JSON, in place of what was; NotFound without the subject."""
+    kept = {"document": document, "updated_us": db.NowUs()}
+    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
+    with database.write() as connection:
+        if connection.scalar(sa.select(tables.subjects.c.id).where(mine)) is None:
+            raise report_no_subject(identity)
+        made = db.insert_for(connection)(tables.notes).values({"owner": owner, "subject": identity} | kept)
+        keys = [tables.notes.c.owner, tables.notes.c.subject]
+        connection.execute(made.on_conflict_do_update(index_elements=keys, set_=kept))

@@ -11,29 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from sqlalchemy import (
-    BigInteger,
-    Column,
-    ColumnElement,
-    Connection,
-    Float,
-    ForeignKey,
-    Index,
-    Integer,
-    MetaData,
-    RowMapping,
-    Select,
-    String,
-    Table,
-    Text,
-    tuple_,
-)
+import sqlalchemy as sa
 from sqlalchemy.schema import ForeignKeyConstraint
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
 
-metadata = MetaData(
+metadata = sa.MetaData(
     naming_convention={
         "pk": "pk_%(table_name)s",
         "fk": "fk_%(table_name)s_%(column_0_name)s",
@@ -41,150 +25,161 @@ metadata = MetaData(
     }
 )
 
-owners = Table(
+owners = sa.Table(
     "owners",
     metadata,
-    Column("name", String(200), primary_key=True),
+    sa.Column("name", sa.String(200), primary_key=True),
     # When a job of this owner was last begun: whoever waited longest is next.
-    Column("served_us", BigInteger, nullable=False, default=0, server_default="0"),
+    sa.Column("served_us", sa.BigInteger, nullable=False, default=0, server_default="0"),
 )
 """Whose things are kept apart. Rows appear with the first key or subject."""
 
-api_keys = Table(
+api_keys = sa.Table(
     "api_keys",
     metadata,
-    Column("id", String(32), primary_key=True),
-    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), nullable=False, index=True),
-    Column("label", String(200), nullable=False),
-    Column("secret_sha256", String(64), nullable=False),
-    Column("created_us", BigInteger, nullable=False),
-    Column("revoked_us", BigInteger),
+    sa.Column("id", sa.String(32), primary_key=True),
+    sa.Column("owner", sa.ForeignKey("owners.name", ondelete="CASCADE"), nullable=False, index=True),
+    sa.Column("label", sa.String(200), nullable=False),
+    sa.Column("secret_sha256", sa.String(64), nullable=False),
+    sa.Column("created_us", sa.BigInteger, nullable=False),
+    sa.Column("revoked_us", sa.BigInteger),
 )
 
-subjects = Table(
+subjects = sa.Table(
     "subjects",
     metadata,
-    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), primary_key=True),
-    Column("id", String(200), primary_key=True),
-    Column("created_us", BigInteger, nullable=False),
-    Column("updated_us", BigInteger, nullable=False),
-    Column("revision", Integer, nullable=False, default=1, server_default="1"),
-    Column("document", Text, nullable=False),
-    Index(None, "owner", "created_us", "id"),
-    Index(None, "updated_us"),
+    sa.Column("owner", sa.ForeignKey("owners.name", ondelete="CASCADE"), primary_key=True),
+    sa.Column("id", sa.String(200), primary_key=True),
+    sa.Column("created_us", sa.BigInteger, nullable=False),
+    sa.Column("updated_us", sa.BigInteger, nullable=False),
+    sa.Column("revision", sa.Integer, nullable=False, default=1, server_default="1"),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Index(None, "owner", "created_us", "id"),
+    sa.Index(None, "updated_us"),
 )
 
-marker_maps = Table(
+marker_maps = sa.Table(
     "marker_maps",
     metadata,
-    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), primary_key=True),
-    Column("document", Text, nullable=False),
-    Column("updated_us", BigInteger, nullable=False),
+    sa.Column("owner", sa.ForeignKey("owners.name", ondelete="CASCADE"), primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("updated_us", sa.BigInteger, nullable=False),
 )
 """Which label is which marker in an owner's laboratory; one map each."""
 
-links = Table(
+links = sa.Table(
     "links",
     metadata,
-    Column("sha256", String(64), primary_key=True),
-    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), nullable=False, index=True),
-    Column("until_us", BigInteger, nullable=False, index=True),
+    sa.Column("sha256", sa.String(64), primary_key=True),
+    sa.Column("owner", sa.ForeignKey("owners.name", ondelete="CASCADE"), nullable=False, index=True),
+    sa.Column("until_us", sa.BigInteger, nullable=False, index=True),
 )
 """What opens one path without a key; see ``store/links.py``."""
 
-blobs = Table(
+blobs = sa.Table(
     "blobs",
     metadata,
-    Column("sha256", String(64), primary_key=True),
-    Column("size", BigInteger, nullable=False),
-    Column("touched_us", BigInteger, nullable=False),
+    sa.Column("sha256", sa.String(64), primary_key=True),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    sa.Column("touched_us", sa.BigInteger, nullable=False),
 )
 
-subject_files = Table(
+subject_files = sa.Table(
     "subject_files",
     metadata,
-    Column("owner", String(200), primary_key=True),
-    Column("subject", String(200), primary_key=True),
-    Column("name", String(255), primary_key=True),
-    Column("sha256", ForeignKey("blobs.sha256"), nullable=False, index=True),
-    Column("size", BigInteger, nullable=False),
-    Column("updated_us", BigInteger, nullable=False),
+    sa.Column("owner", sa.String(200), primary_key=True),
+    sa.Column("subject", sa.String(200), primary_key=True),
+    sa.Column("name", sa.String(255), primary_key=True),
+    sa.Column("sha256", sa.ForeignKey("blobs.sha256"), nullable=False, index=True),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    sa.Column("updated_us", sa.BigInteger, nullable=False),
     ForeignKeyConstraint(["owner", "subject"], ["subjects.owner", "subjects.id"], ondelete="CASCADE"),
 )
 
-jobs = Table(
+notes = sa.Table(
+    "notes",
+    metadata,
+    sa.Column("owner", sa.String(200), primary_key=True),
+    sa.Column("subject", sa.String(200), primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("updated_us", sa.BigInteger, nullable=False),
+    sa.ForeignKeyConstraint(["owner", "subject"], ["subjects.owner", "subjects.id"], ondelete="CASCADE"),
+)
+"""What people wrote about a subject's results, and who signed it."""
+
+jobs = sa.Table(
     "jobs",
     metadata,
-    Column("id", String(64), primary_key=True),
-    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), nullable=False),
-    Column("kind", String(64), nullable=False),
-    Column("state", String(16), nullable=False),
-    Column("attempt", Integer, nullable=False, default=0, server_default="0"),
-    Column("losses", Integer, nullable=False, default=0, server_default="0"),
+    sa.Column("id", sa.String(64), primary_key=True),
+    sa.Column("owner", sa.ForeignKey("owners.name", ondelete="CASCADE"), nullable=False),
+    sa.Column("kind", sa.String(64), nullable=False),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("attempt", sa.Integer, nullable=False, default=0, server_default="0"),
+    sa.Column("losses", sa.Integer, nullable=False, default=0, server_default="0"),
     # 1 for what was made for another job: it comes after what was asked for by itself.
-    Column("part", Integer, nullable=False, default=0, server_default="0"),
-    Column("revision", Integer, nullable=False, default=1, server_default="1"),
-    Column("worker", String(200)),
-    Column("lease_until_us", BigInteger),
-    Column("progress_share", Float, nullable=False, default=0.0, server_default="0"),
-    Column("progress_what", String(200), nullable=False, default="", server_default=""),
-    Column("created_us", BigInteger, nullable=False),
-    Column("started_us", BigInteger),
-    Column("finished_us", BigInteger),
-    Column("updated_us", BigInteger, nullable=False),
-    Column("code_version", String(100), nullable=False),
-    Column("host", String(255)),
-    Column("failure", Text),
+    sa.Column("part", sa.Integer, nullable=False, default=0, server_default="0"),
+    sa.Column("revision", sa.Integer, nullable=False, default=1, server_default="1"),
+    sa.Column("worker", sa.String(200)),
+    sa.Column("lease_until_us", sa.BigInteger),
+    sa.Column("progress_share", sa.Float, nullable=False, default=0.0, server_default="0"),
+    sa.Column("progress_what", sa.String(200), nullable=False, default="", server_default=""),
+    sa.Column("created_us", sa.BigInteger, nullable=False),
+    sa.Column("started_us", sa.BigInteger),
+    sa.Column("finished_us", sa.BigInteger),
+    sa.Column("updated_us", sa.BigInteger, nullable=False),
+    sa.Column("code_version", sa.String(100), nullable=False),
+    sa.Column("host", sa.String(255)),
+    sa.Column("failure", sa.Text),
     # The large columns stand last: pages of jobs are read without them.
-    Column("specification", Text, nullable=False),
-    Column("provenance", Text),
-    Column("result", Text),
-    Index(None, "owner", "created_us", "id"),
-    Index(None, "owner", "state", "created_us", "id"),
-    Index(None, "owner", "kind", "created_us", "id"),
-    Index(None, "owner", "state", "losses", "part", "created_us", "id"),
-    Index(None, "state", "lease_until_us"),
-    Index(None, "worker", "state"),
-    Index(None, "finished_us"),
+    sa.Column("specification", sa.Text, nullable=False),
+    sa.Column("provenance", sa.Text),
+    sa.Column("result", sa.Text),
+    sa.Index(None, "owner", "created_us", "id"),
+    sa.Index(None, "owner", "state", "created_us", "id"),
+    sa.Index(None, "owner", "kind", "created_us", "id"),
+    sa.Index(None, "owner", "state", "losses", "part", "created_us", "id"),
+    sa.Index(None, "state", "lease_until_us"),
+    sa.Index(None, "worker", "state"),
+    sa.Index(None, "finished_us"),
 )
 
-job_subjects = Table(
+job_subjects = sa.Table(
     "job_subjects",
     metadata,
-    Column("job", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    Column("subject", String(200), primary_key=True),
-    Column("owner", String(200), nullable=False),
-    Column("created_us", BigInteger, nullable=False),
-    Index(None, "owner", "subject", "created_us", "job"),
+    sa.Column("job", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("subject", sa.String(200), primary_key=True),
+    sa.Column("owner", sa.String(200), nullable=False),
+    sa.Column("created_us", sa.BigInteger, nullable=False),
+    sa.Index(None, "owner", "subject", "created_us", "job"),
 )
 """Whose data a job rests on: deleted with any of them."""
 
-job_inputs = Table(
+job_inputs = sa.Table(
     "job_inputs",
     metadata,
-    Column("job", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    Column("path", String(512), primary_key=True),
-    Column("sha256", ForeignKey("blobs.sha256"), nullable=False, index=True),
-    Column("size", BigInteger, nullable=False),
+    sa.Column("job", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("path", sa.String(512), primary_key=True),
+    sa.Column("sha256", sa.ForeignKey("blobs.sha256"), nullable=False, index=True),
+    sa.Column("size", sa.BigInteger, nullable=False),
 )
 """The content that a job was asked to work on, kept even when the subject's file is replaced."""
 
-job_files = Table(
+job_files = sa.Table(
     "job_files",
     metadata,
-    Column("job", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    Column("path", String(512), primary_key=True),
-    Column("sha256", ForeignKey("blobs.sha256"), nullable=False, index=True),
-    Column("size", BigInteger, nullable=False),
+    sa.Column("job", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("path", sa.String(512), primary_key=True),
+    sa.Column("sha256", sa.ForeignKey("blobs.sha256"), nullable=False, index=True),
+    sa.Column("size", sa.BigInteger, nullable=False),
 )
 """What a job made."""
 
-job_parts = Table(
+job_parts = sa.Table(
     "job_parts",
     metadata,
-    Column("whole", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    Column("part", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True, index=True),
-    Column("position", Integer, nullable=False),
+    sa.Column("whole", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("part", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True, index=True),
+    sa.Column("position", sa.Integer, nullable=False),
 )
 """What a job is made of. A part may belong to several wholes, and goes with the last of them."""
 
@@ -225,6 +220,14 @@ class MarkerMapRow:
 
 
 @dataclass(frozen=True, slots=True)
+class NoteRow:
+    """A subject's note, as JSON."""
+
+    document: str
+    updated_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class FileRow:
     """A named content: size in bytes, digest in hexadecimal."""
 
@@ -257,7 +260,7 @@ class JobRow:
     failure: Failure | None
 
 
-def make_job_row(row: RowMapping) -> JobRow:
+def make_job_row(row: sa.RowMapping) -> JobRow:
     """A job from what the database gave."""
     failure = row["failure"]
     read = {
@@ -279,28 +282,29 @@ class Page(Generic[Item]):
 
 
 def read_page(
-    connection: Connection,
-    statement: Select[Any],
-    order: tuple[ColumnElement[int], ColumnElement[str]],
+    connection: sa.Connection,
+    statement: sa.Select[Any],
+    order: tuple[sa.ColumnElement[int], sa.ColumnElement[str]],
     cursor: str | None,
     limit: int,
-    row: Callable[[RowMapping], Item],
+    row: Callable[[sa.RowMapping], Item],
 ) -> Page[Item]:
     """One page of a statement's rows, newest first by the columns of ``order``: time made, and name."""
     if not 1 <= limit <= LARGEST:
         raise InputError(f"a page of {limit} is not possible", field="limit", remedy=f"Give 1 to {LARGEST}")
     if cursor is not None:
-        statement = statement.where(tuple_(*order) < tuple_(*_decode_cursor(cursor)))
+        statement = statement.where(sa.tuple_(*order) < sa.tuple_(*_decode_cursor(cursor)))
     created, key = order
     ordered = statement.order_by(created.desc(), key.desc()).limit(limit + 1)  # one more: is there another?
     found = [row(each) for each in connection.execute(ordered).mappings()]
     shown = tuple(found[:limit])
-    return Page(shown, _encode_cursor(shown[-1]) if len(found) > limit else None)
-
-
-def _encode_cursor(last: SubjectRow | JobRow) -> str:
-    """The cursor of what comes after this row."""
-    return base64.urlsafe_b64encode(f"{last.created_us} {last.id}".encode()).decode().rstrip("=")
+    if len(found) > limit:
+        # The cursor of what comes after this row
+        last = shown[-1]
+        after = base64.urlsafe_b64encode(f"{last.created_us} {last.id}".encode()).decode().rstrip("=")
+    else:
+        after = None
+    return Page(shown, after)
 
 
 def _decode_cursor(cursor: str) -> tuple[int, str]:

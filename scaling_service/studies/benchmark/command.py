@@ -70,7 +70,7 @@ def benchmark(
     """
     from scaling_service.capabilities.shared.tables import make_table_writer
     from scaling_service.core.threads import count_cores
-    from scaling_service.studies.benchmark.document import DOCUMENT, make_tables, tabulate_figures
+    from scaling_service.studies.benchmark.result import DOCUMENT, make_tables, tabulate_figures
     from scaling_service.studies.benchmark.run import run_benchmark
 
     write_tables = make_table_writer(tables, out)

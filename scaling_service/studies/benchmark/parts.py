@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,13 +34,13 @@ class ProgramFailed(Exception):
     """Our program ended with an error; the text is what it said last."""
 
 
-Run = Callable[[Sequence[object]], Path]
+Run = abc.Callable[[abc.Sequence[object]], Path]
 """Runs our program with such words, and returns a new folder with its results, which goes in the end."""
 
-Answer = Callable[[Path, Run], None]
+Answer = abc.Callable[[Path, Run], None]
 """Writes an answer's files into a folder."""
 
-Judge = Callable[[Path, Path], Mapping[str, float]]
+Judge = abc.Callable[[Path, Path], abc.Mapping[str, float]]
 """The metrics of an answer in a folder, beside OpenSim's own folder for the case. Raises NoAnswer."""
 
 
@@ -79,7 +79,7 @@ class Task:
     truth: str
     needs: tuple[str, ...] = ()
     metrics: tuple[Metric, ...]
-    cases: Callable[[Path, Path, int], Sequence[Case]]
+    cases: abc.Callable[[Path, Path, int], abc.Sequence[Case]]
 
 
 HELD = Metric(key="held", title="95 % intervals hold, %", digits=0)
@@ -91,11 +91,11 @@ class Traced:
     """A model in motion, by OpenSim: SI and rad, frames first; see ``files.osim.tools.trace``."""
 
     times: Array
-    coordinates: Mapping[str, Array]
+    coordinates: abc.Mapping[str, Array]
     slides: frozenset[str]
-    joints: Mapping[str, Array]
-    markers: Mapping[str, Array]
-    turns: Mapping[str, Array]
+    joints: abc.Mapping[str, Array]
+    markers: abc.Mapping[str, Array]
+    turns: abc.Mapping[str, Array]
 
     def joint(self, name: str) -> Array:
         """A joint's places, (n, 3), m. Raises NoAnswer: the model has no such joint."""
@@ -140,7 +140,7 @@ def read_answer(folder: Path, name: str = "answer.json") -> dict[str, Any]:
     return found
 
 
-def copy_inputs(files: Iterable[Path], box: Path) -> Path:
+def copy_inputs(files: abc.Iterable[Path], box: Path) -> Path:
     """Copy what is asked into a case's folder, and return the folder."""
     box.mkdir(parents=True, exist_ok=True)
     for file in files:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections import abc
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -17,26 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core import progress
-from scaling_service.core.errors import DependencyMissing, InputError
+from scaling_service.core import errors, progress
 from scaling_service.core.text import suggest_name
-from scaling_service.documents.writing import code_version, write_json
-from scaling_service.studies.benchmark.document import (
-    DOCUMENT,
-    BenchmarkDocument,
-    EntryPart,
-    MetricPart,
-    TaskPart,
-)
-from scaling_service.studies.benchmark.parts import (
-    OPENSIM,
-    OURS,
-    TIME_LIMIT_S,
-    Case,
-    NoAnswer,
-    ProgramFailed,
-    Task,
-)
+from scaling_service.documents import writing
+from scaling_service.studies.benchmark import parts as benchmark_parts
+from scaling_service.studies.benchmark import result as documents
 from scaling_service.studies.benchmark.tasks import TASKS
 
 FAILED = "failed.txt"
@@ -58,7 +43,7 @@ class Place:
 
     data: Path
     out: Path
-    entries: Mapping[str, Path]
+    entries: abc.Mapping[str, Path]
     keep: bool
 
 
@@ -66,13 +51,13 @@ def run_benchmark(
     data: Path,
     out: Path,
     *,
-    tasks: Collection[str] = (),
-    entries: Sequence[Path] = (),
+    tasks: abc.Collection[str] = (),
+    entries: abc.Sequence[Path] = (),
     seed: int = 0,
     keep_answers: bool = False,
     workers: int = 2,
     report: progress.Progress = progress.show_nothing,
-) -> BenchmarkDocument:
+) -> documents.BenchmarkDocument:
     """Run tasks and write ``cases``, ``entries`` and ``benchmark.json`` under a folder.
 
     ``data``: folder of public recordings by name; a task whose data are absent is left out, and said to be.
@@ -83,16 +68,16 @@ def run_benchmark(
     Raises InputError: a task or entry does not exist. Raises DependencyMissing: OpenSim is not installed.
     """
     if find_spec("opensim") is None:
-        raise DependencyMissing(
+        raise errors.DependencyMissing(
             "the benchmark reads models and motions by OpenSim, which is not installed",
             field="opensim",
             remedy="Install it with `pip install scaling-service[opensim]`",
         )
     chosen = [_find_task(name) for name in tasks] or list(TASKS.values())
-    folders = {name: out / "entries" / name for name in (OURS, OPENSIM)}
+    folders = {name: out / "entries" / name for name in (benchmark_parts.OURS, benchmark_parts.OPENSIM)}
     for entry in entries:
         if not entry.is_dir() or entry.name in folders:
-            raise InputError(
+            raise errors.InputError(
                 f"'{entry.name}' is no folder, or another entry's name",
                 file=entry,
                 field="--entry",
@@ -110,8 +95,8 @@ def run_benchmark(
         name: float(np.mean([e.place for task in done for e in task.entries if e.entry == name]))
         for name in (folders if done else ())
     }
-    document = BenchmarkDocument(
-        code_version=code_version(),
+    document = documents.BenchmarkDocument(
+        code_version=writing.code_version(),
         seed=seed,
         tasks=done,
         left_out=left_out,
@@ -119,35 +104,37 @@ def run_benchmark(
         wall_s=time.monotonic() - start,
     )
     out.mkdir(parents=True, exist_ok=True)
-    write_json(out / DOCUMENT, document)
+    writing.write_json(out / documents.DOCUMENT, document)
     return document
 
 
-def _find_task(name: str) -> Task:
+def _find_task(name: str) -> benchmark_parts.Task:
     if name not in TASKS:
         guess = suggest_name(name, TASKS, cutoff=0.5)
-        raise InputError(
+        raise errors.InputError(
             f"there is no task '{name}'", field="--tasks", remedy=f"{guess}There are {', '.join(TASKS)}"
         )
     return TASKS[name]
 
 
-def _find_lack(task: Task, data: Path) -> str:
+def _find_lack(task: benchmark_parts.Task, data: Path) -> str:
     """Folders of the data that a task needs and that are absent, in words."""
     absent = [name for name in task.needs if not (data / name).exists()]
     return f"{', '.join(absent)} not in {data}" if absent else ""
 
 
-def _run_task(task: Task, place: Place, seed: int, workers: int, report: progress.Progress) -> TaskPart:
+def _run_task(
+    task: benchmark_parts.Task, place: Place, seed: int, workers: int, report: progress.Progress
+) -> documents.TaskPart:
     """Answers first, for some judges hold one against OpenSim's; then the judging."""
     start = time.monotonic()
     report(f"{task.name}: making the cases", 0.0)
     inputs = place.out / "cases" / task.name
     inputs.mkdir(parents=True, exist_ok=True)
     cases = task.cases(place.data, inputs, seed)
-    asked = [(case, name) for name in (OPENSIM, OURS) for case in cases]
+    asked = [(case, name) for name in (benchmark_parts.OPENSIM, benchmark_parts.OURS) for case in cases]
 
-    def answer(item: tuple[Case, str]) -> None:
+    def answer(item: tuple[benchmark_parts.Case, str]) -> None:
         case, name = item
         folder = place.entries[name] / task.name / case.name
         if not (place.keep and folder.is_dir()):
@@ -160,20 +147,23 @@ def _run_task(task: Task, place: Place, seed: int, workers: int, report: progres
         found = pool.map(lambda item: _judge(item[0], item[1], place, task), every)
         judged = {(name, case.name): each for (case, name), each in zip(every, found, strict=True)}
     report(f"{task.name}: judged", 1.0)
-    return TaskPart(
+    return documents.TaskPart(
         name=task.name,
         title=task.title,
         truth=task.truth,
         cases=[case.name for case in cases],
-        metrics=[MetricPart(key=m.key, title=m.title, digits=m.digits) for m in task.metrics],
+        metrics=[documents.MetricPart(key=m.key, title=m.title, digits=m.digits) for m in task.metrics],
         entries=rank_entries(task, [case.name for case in cases], list(place.entries), judged),
         wall_s=time.monotonic() - start,
     )
 
 
 def rank_entries(
-    task: Task, cases: Sequence[str], names: Sequence[str], judged: Mapping[tuple[str, str], Judged]
-) -> list[EntryPart]:
+    task: benchmark_parts.Task,
+    cases: abc.Sequence[str],
+    names: abc.Sequence[str],
+    judged: abc.Mapping[tuple[str, str], Judged],
+) -> list[documents.EntryPart]:
     """Every entry's means and mean place, best first; equal figures share a place.
 
     ``judged``: (entry, case) to metrics or a reason.
@@ -193,7 +183,7 @@ def rank_entries(
         own = {case: found for case in cases if not isinstance(found := judged[name, case], str)}
         keys = [m.key for m in task.metrics if any(m.key in found for found in own.values())]
         parts.append(
-            EntryPart(
+            documents.EntryPart(
                 entry=name,
                 answered=len(own),
                 values={
@@ -208,9 +198,9 @@ def rank_entries(
     return sorted(parts, key=lambda part: part.place)
 
 
-def _answer(case: Case, name: str, folder: Path) -> None:
+def _answer(case: benchmark_parts.Case, name: str, folder: Path) -> None:
     """Have an entry answer a case into a folder, which is there once it is done; a failure is noted in it."""
-    make = case.ours if name == OURS else case.opensim
+    make = case.ours if name == benchmark_parts.OURS else case.opensim
     if make is None:
         return
     part = folder.with_name(f"{folder.name}.part")
@@ -218,27 +208,31 @@ def _answer(case: Case, name: str, folder: Path) -> None:
     (part / _WRITTEN).mkdir(parents=True)
     try:
         make(part, partial(_run_program, part / _WRITTEN))
-    except (ProgramFailed, InputError) as error:
+    except (benchmark_parts.ProgramFailed, errors.InputError) as error:
         (part / FAILED).write_text(str(error), encoding="utf-8")
     shutil.rmtree(part / _WRITTEN)
     shutil.rmtree(folder, ignore_errors=True)
     part.replace(folder)
 
 
-def _judge(case: Case, name: str, place: Place, task: Task) -> Judged:
+def _judge(case: benchmark_parts.Case, name: str, place: Place, task: benchmark_parts.Task) -> Judged:
     """An entry's metrics of a case, or why there are none."""
-    own, opensim = (place.entries[n] / task.name / case.name for n in (name, OPENSIM))
+    own, opensim = (place.entries[n] / task.name / case.name for n in (name, benchmark_parts.OPENSIM))
     if not own.is_dir():
-        return "OpenSim has no tool for it" if name == OPENSIM and case.opensim is None else "no answer"
+        return (
+            "OpenSim has no tool for it"
+            if name == benchmark_parts.OPENSIM and case.opensim is None
+            else "no answer"
+        )
     if (own / FAILED).is_file():
         return (own / FAILED).read_text(encoding="utf-8")
     try:
         return dict(case.judge(own, opensim))
-    except NoAnswer as reason:
+    except benchmark_parts.NoAnswer as reason:
         return str(reason)
 
 
-def _run_program(written: Path, words: Sequence[object]) -> Path:
+def _run_program(written: Path, words: abc.Sequence[object]) -> Path:
     """Our program as a user runs it, its results in a new folder."""
     out = Path(tempfile.mkdtemp(dir=written)) / "out"
     command = [sys.executable, "-m", "scaling_service", *map(str, words), "--out", str(out)]
@@ -249,12 +243,12 @@ def _run_program(written: Path, words: Sequence[object]) -> Path:
             capture_output=True,
             text=True,
             check=False,
-            timeout=TIME_LIMIT_S,
+            timeout=benchmark_parts.TIME_LIMIT_S,
             env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )
     except subprocess.TimeoutExpired:
-        raise ProgramFailed(f"no answer within {TIME_LIMIT_S:g} s") from None
+        raise benchmark_parts.ProgramFailed(f"no answer within {benchmark_parts.TIME_LIMIT_S:g} s") from None
     if done.returncode:
         lines = done.stderr.strip().splitlines() or [f"exit {done.returncode}"]
-        raise ProgramFailed(lines[-1])
+        raise benchmark_parts.ProgramFailed(lines[-1])
     return out

@@ -10,7 +10,7 @@ import scipy
 
 from scaling_service.core.arrays import Array
 from scaling_service.studies import claims
-from scaling_service.studies.futamure.document import FutamureDocument, WayEntry
+from scaling_service.studies.futamure import result as documents
 
 LEVEL = 0.05
 """Of the tests (chosen: the usual one)."""
@@ -22,7 +22,7 @@ WITHIN = 1.2
 """Held out over fitted that counts as alike (chosen: 20 %)."""
 
 
-CLAIMS: list[claims.Claim[FutamureDocument]] = []
+CLAIMS: list[claims.Claim[documents.FutamureDocument]] = []
 """In the order of the paper's results, then what only truth tells."""
 
 _claim = partial(claims.claim, CLAIMS)
@@ -35,17 +35,19 @@ def assess_less(first: Array, second: Array) -> float:
     return float(scipy.stats.wilcoxon(first, second, alternative="less").pvalue)
 
 
-def _list_recordings(study: FutamureDocument, way: str, *, held_out: bool = False) -> list[WayEntry]:
+def _list_recordings(
+    study: documents.FutamureDocument, way: str, *, held_out: bool = False
+) -> list[documents.WayEntry]:
     """One way's errors in all persons' recordings."""
     return [getattr(p.held_out if held_out else p.fitted, way) for p in study.persons]
 
 
-def _list_wrenches(study: FutamureDocument, way: str, *, held_out: bool = False) -> Array:
+def _list_wrenches(study: documents.FutamureDocument, way: str, *, held_out: bool = False) -> Array:
     """RMS errors of all persons, (n, 3)."""
     return np.array([found.wrench_rmse for found in _list_recordings(study, way, held_out=held_out)])
 
 
-def _average_angle_errors(study: FutamureDocument, way: str, *, held_out: bool = False) -> Array:
+def _average_angle_errors(study: documents.FutamureDocument, way: str, *, held_out: bool = False) -> Array:
     """Mean RMS error of each person's angles, (n,), deg."""
     return np.array([np.mean(f.angle_rmse_deg) for f in _list_recordings(study, way, held_out=held_out)])
 
@@ -55,13 +57,13 @@ def _describe_errors(values: Array | list[float], digits: int = 1) -> str:
 
 
 @_claim("table 2", "The ground wrench is tracked within 3 N, 4 N and 3 N m", "3, 4, 3 (SD 0)")
-def _as_low(study: FutamureDocument) -> claims.Answer:
+def as_low(study: documents.FutamureDocument) -> claims.Answer:
     mean = _list_wrenches(study, "consistent").mean(axis=0)
     return claims.Answer(bool((mean <= PAPER["consistent"]).all()), f"{_describe_errors(mean)} N, N, N m")
 
 
 @_claim("V", "The classical method misses it by two to five times as much", "7, 8, 8 (SD 2, 2, 3)")
-def _lower(study: FutamureDocument) -> claims.Answer:
+def lower(study: documents.FutamureDocument) -> claims.Answer:
     classical, ours = _list_wrenches(study, "classical"), _list_wrenches(study, "consistent")
     ratio = classical.mean(axis=0) / ours.mean(axis=0)
     p = [assess_less(ours[:, k], classical[:, k]) for k in range(3)]
@@ -79,7 +81,7 @@ def _compare_tested(figures: str, p: Sequence[float], holds: bool = True) -> cla
 
 
 @_claim("V", "The classical method follows the markers better", "4-7 against 14-17 mm")
-def _markers(study: FutamureDocument) -> claims.Answer:
+def markers(study: documents.FutamureDocument) -> claims.Answer:
     classical, ours = (
         np.array([found.marker_rms_mm for found in _list_recordings(study, way)])
         for way in ("classical", "consistent")
@@ -91,7 +93,7 @@ def _markers(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("IV", "The knee's and thigh's markers are missed most", "17.2 ± 9.8 mm")
-def _knee(study: FutamureDocument) -> claims.Answer:
+def knee(study: documents.FutamureDocument) -> claims.Answer:
     names = list(study.persons[0].marker_rms_mm)
     mean = np.mean([[person.marker_rms_mm[name][1] for name in names] for person in study.persons], axis=0)
     order = np.argsort(-mean)[:3]
@@ -100,7 +102,7 @@ def _knee(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("III", "Two loops suffice", "two")
-def _loops(study: FutamureDocument) -> claims.Answer:
+def loops(study: documents.FutamureDocument) -> claims.Answer:
     loops, settled = ([getattr(p, name) for p in study.persons] for name in ("loops", "converged"))
     return claims.Answer(
         all(settled) and max(loops) <= 2,
@@ -109,7 +111,7 @@ def _loops(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("abstract", "Joint angles are nearer the truth than the classical ones", "no truth was known")
-def _angles(study: FutamureDocument) -> claims.Answer:
+def angles(study: documents.FutamureDocument) -> claims.Answer:
     classical, ours = (_average_angle_errors(study, way) for way in ("classical", "consistent"))
     held = [_average_angle_errors(study, way, held_out=True) for way in ("classical", "consistent")]
     p = [assess_less(ours, classical), assess_less(held[1], held[0])]
@@ -122,7 +124,7 @@ def _angles(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("abstract", "Inertial parameters are nearer the truth than the table's", "no truth was known")
-def _inertia(study: FutamureDocument) -> claims.Answer:
+def inertia(study: documents.FutamureDocument) -> claims.Answer:
     before, after = np.moveaxis(np.array([p.inertia_distance for p in study.persons]), 1, 0)
     whole = [np.sqrt((x**2).mean(axis=1)) for x in (before, after)]
     p = assess_less(whole[1], whole[0])
@@ -136,7 +138,7 @@ def _inertia(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("beyond", "A held-out recording is followed as well as the fitted one", "not asked")
-def _held_out(study: FutamureDocument) -> claims.Answer:
+def held_out(study: documents.FutamureDocument) -> claims.Answer:
     fitted, held = (_list_wrenches(study, "consistent", held_out=h).mean(axis=0) for h in (False, True))
     ratio = held / fitted
     return claims.Answer(
@@ -146,7 +148,7 @@ def _held_out(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("beyond", "From its markers alone it is predicted better than with the table", "not asked")
-def _predicted(study: FutamureDocument) -> claims.Answer:
+def predicted(study: documents.FutamureDocument) -> claims.Answer:
     fitted, held = (_list_wrenches(study, "predicted", held_out=h) for h in (False, True))
     classical = _list_wrenches(study, "classical", held_out=True)
     p = [assess_less(held[:, k], classical[:, k]) for k in range(3)]
@@ -159,7 +161,7 @@ def _predicted(study: FutamureDocument) -> claims.Answer:
 
 
 @_claim("beyond", "A person takes at most 20 s", "not told")
-def _quick(study: FutamureDocument) -> claims.Answer:
+def quick(study: documents.FutamureDocument) -> claims.Answer:
     slowest = max(person.seconds for person in study.persons)
     return claims.Answer(
         slowest <= 20.0, f"at most {slowest:.1f} s for 13 s at 100 Hz and a held-out recording"

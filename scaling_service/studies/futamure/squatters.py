@@ -11,16 +11,15 @@ from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model import inertia
-from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model import body, inertia
+from scaling_service.model import compile as compiling
+from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.builtin import load_builtin
-from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.motion import Inertias
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_root_wrench
 from scaling_service.virtual.artefact import draw_shared
@@ -109,7 +108,7 @@ class VirtualSquatter:
     name: str
     height_m: float
     mass_kg: float
-    model: BodyModel  # the truth: lengths, inertia, places of markers standing
+    model: body.BodyModel  # the truth: lengths, inertia, places of markers standing
     fitted: Squats
     held_out: Squats
 
@@ -120,7 +119,24 @@ def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     ``faults``: multiplies placement errors, artefact and noise: one as in the literature, zero for none.
     """
     height, mass = _build(seed)
-    model = _with_placement(seed, _draw_person(seed, height, mass), faults)
+    # Lengths and inertia
+    generic = load_builtin(inertia_planar.SQUAT)
+    rng = stream(seed, "squatter", "lengths")
+    factors = {}
+    for name, sd in LENGTH_SD.items():
+        usual = height / STATURE_M[0]
+        # The generic length of a segment, m
+        child = generic.children(name)
+        if not child:
+            reach = float(np.linalg.norm(generic.marker("ELB").nominal))
+        else:
+            reach = sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
+        factors[name] = usual + sd * float(rng.normal()) / reach
+    factors["foot"] = height / STATURE_M[0]
+    scaled = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
+    table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
+    mean = inertia_planar.apply_to_squat(scaled, table, sex="M", height_m=height, mass_kg=mass).model
+    model = _with_placement(seed, _scatter_model(seed, mean, mass), faults)
     fitted, held_out = (_perform_squats(seed, name, model, faults) for name in ("squats_1", "squats_2"))
     return VirtualSquatter(
         name=f"squatter_{seed}", height_m=height, mass_kg=mass, model=model, fitted=fitted, held_out=held_out
@@ -136,30 +152,7 @@ def _build(seed: int) -> tuple[float, float]:
             return height, mass
 
 
-def _draw_person(seed: int, height: float, mass: float) -> BodyModel:
-    """Lengths and inertia."""
-    generic = load_builtin(SQUAT)
-    rng = stream(seed, "squatter", "lengths")
-    factors = {}
-    for name, sd in LENGTH_SD.items():
-        usual = height / STATURE_M[0]
-        factors[name] = usual + sd * float(rng.normal()) / _measure_reach(generic, name)
-    factors["foot"] = height / STATURE_M[0]
-    model = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
-    table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
-    mean = apply_to_squat(model, table, sex="M", height_m=height, mass_kg=mass).model
-    return _scatter_model(seed, mean, mass)
-
-
-def _measure_reach(generic: BodyModel, name: str) -> float:
-    """The generic length of a segment, m."""
-    child = generic.children(name)
-    if not child:
-        return float(np.linalg.norm(generic.marker("ELB").nominal))
-    return sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
-
-
-def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
+def _scatter_model(seed: int, model: body.BodyModel, mass: float) -> body.BodyModel:
     rng, mean = stream(seed, "squatter", "inertia"), inertia.gather_inertias(model)
     count = len(mean.mass)
     heavy = mean.mass * (1.0 + MASS_SD * rng.normal(size=count))
@@ -170,18 +163,19 @@ def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
     return inertia.with_inertias(model, Inertias(heavy, com, mean.tensor * growth[:, None, None]))
 
 
-def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
-    def move(marker: Marker) -> Marker:
+def _with_placement(seed: int, model: body.BodyModel, faults: float) -> body.BodyModel:
+    def move(marker: body.Marker) -> body.Marker:
         sd = faults * PLACEMENT_M.get(marker.name, PLACEMENT_ELSE_M)
         x, y = np.array(marker.nominal)[:2] + sd * stream(seed, "placement", marker.name).normal(size=2)
         return replace(
-            Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)), anatomical=marker.anatomical
+            body.Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)),
+            anatomical=marker.anatomical,
         )
 
     return model.with_markers(tuple(map(move, model.markers)))
 
 
-def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
+def _perform_squats(seed: int, name: str, model: body.BodyModel, faults: float) -> Squats:
     times = np.arange(round(RATE_HZ * LENGTH_S)) / RATE_HZ
     # Angles (n, 4) of repeated squats; the ankle keeps the centre of mass over the foot.
     rng, own = stream(seed, "motion", name), stream(seed, "motion")
@@ -203,46 +197,13 @@ def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Sq
     q = _in_balance(model, np.radians(degrees), over)
     qdot, qddot = differentiate_spline(times, q)
     truth = RatedMotion(times, q, qdot, qddot)
-    wrench = compute_root_wrench(inertia.compile_mechanism(model), truth.rates, list_parameter_values(model))[
-        0
-    ].T
-    return Squats(
-        name=name,
-        truth=truth,
-        trial=Trial(
-            name=name,
-            times=times,
-            labels=model.marker_names,
-            markers=_record_markers(seed, name, model, truth, faults),
-            rate_hz=RATE_HZ,
-        ),
-        loads=_record_plate(seed, name, times, wrench, faults),
-        wrench=wrench,
-    )
-
-
-def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
-    """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
-    tree, p = inertia.compile_mechanism(model).tree, list_parameter_values(model)
-    masses = inertia.gather_inertias(model).mass / inertia.gather_inertias(model).mass.sum()
-
-    def ahead(turn: Array) -> Array:
-        at = q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0])
-        centres = place_tree_markers(tree, pose_links(tree, np.ascontiguousarray(at.T), p))
-        return np.asarray(masses @ centres[:, 0])
-
-    turn, step = np.zeros(len(q)), 1e-5
-    for _ in range(_NEWTON):
-        here = ahead(turn)
-        turn += (over - here) * step / (ahead(turn + step) - here)
-    return np.asarray(q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0]))
-
-
-def _record_markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults: float) -> Array:
-    """Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise."""
-    tree, p = compile_model(model), list_parameter_values(model)
-    poses = pose_links(tree, np.ascontiguousarray(truth.q.T), p)
-    placed = np.moveaxis(place_tree_markers(tree, poses), -1, 0)
+    wrench = compute_root_wrench(
+        inertia.compile_mechanism(model), truth.rates, compiling.list_parameter_values(model)
+    )[0].T
+    # Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise.
+    tree, p = compiling.compile_model(model), compiling.list_parameter_values(model)
+    poses = trees.pose_links(tree, np.ascontiguousarray(truth.q.T), p)
+    placed = np.moveaxis(trees.place_tree_markers(tree, poses), -1, 0)
     n, count = placed.shape[:2]
     local = np.zeros((n, count, 3))
     expected = expect_artefacts(model)
@@ -254,15 +215,44 @@ def _record_markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, 
             mixed = draw_shared(seed, "artefact", marker.segment, driver, marker=marker.name, count=2)
             size = expected[marker.name] / np.sqrt(len(drivers))
             local[:, k, :2] += size * mixed * bend[:, [driver]]
-        rng = stream(seed, "artefact", name, marker.name)
+        skin = stream(seed, "artefact", name, marker.name)
         if drivers:
             local[:, k, :2] += np.column_stack(
-                [draw_wandering(rng, truth.times, RESIDUAL_M, 2.0) for _ in range(2)]
+                [draw_wandering(skin, truth.times, RESIDUAL_M, 2.0) for _ in range(2)]
             )
     axes = poses.axes[tree.marker_link]
     noise = CAMERA_M * stream(seed, "camera", name).normal(size=(n, count, 3)) * np.array([1.0, 1.0, 0.0])
     moved: Array = placed + faults * (np.einsum("mjan,nmj->nma", axes, local) + noise)
-    return moved
+    return Squats(
+        name=name,
+        truth=truth,
+        trial=Trial(
+            name=name,
+            times=times,
+            labels=model.marker_names,
+            markers=moved,
+            rate_hz=RATE_HZ,
+        ),
+        loads=_record_plate(seed, name, times, wrench, faults),
+        wrench=wrench,
+    )
+
+
+def _in_balance(model: body.BodyModel, q: Array, over: Array) -> Array:
+    """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
+    tree, p = inertia.compile_mechanism(model).tree, compiling.list_parameter_values(model)
+    masses = inertia.gather_inertias(model).mass / inertia.gather_inertias(model).mass.sum()
+
+    def ahead(turn: Array) -> Array:
+        at = q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0])
+        centres = trees.place_tree_markers(tree, trees.pose_links(tree, np.ascontiguousarray(at.T), p))
+        return np.asarray(masses @ centres[:, 0])
+
+    turn, step = np.zeros(len(q)), 1e-5
+    for _ in range(_NEWTON):
+        here = ahead(turn)
+        turn += (over - here) * step / (ahead(turn + step) - here)
+    return np.asarray(q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0]))
 
 
 def _record_plate(seed: int, name: str, times: Array, wrench: Array, faults: float) -> SegmentLoads:

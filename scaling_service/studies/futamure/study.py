@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent import planar
-from scaling_service.capabilities.consistent.estimate import ConsistentResult, estimate_consistent
+from scaling_service.capabilities.consistent import estimate, planar, recording
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
-from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.kinetics.inverse_dynamics import ORDER
@@ -23,7 +21,7 @@ from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.documents.writing import code_version
-from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
+from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
@@ -32,15 +30,9 @@ from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 from scaling_service.studies import claims
+from scaling_service.studies.futamure import result as documents
 from scaling_service.studies.futamure import squatters
 from scaling_service.studies.futamure.claims import CLAIMS
-from scaling_service.studies.futamure.document import (
-    FutamureDocument,
-    RealEntry,
-    RecordingEntry,
-    SquatterEntry,
-    WayEntry,
-)
 
 SOURCE = (
     "Futamure S., Bonnet V., Dumas R., Kulić D., Venture G.: Dynamically consistent inverse kinematics "
@@ -80,7 +72,7 @@ FITTED_SHARE = 0.6
 """Of a real recording (chosen: three of five squats)."""
 
 
-def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
+def study_squatter(seed: int, *, faults: float = 1.0) -> documents.SquatterEntry:
     """Record one person, explain the recordings, and compare with the truth.
 
     ``faults``: see :func:`make_virtual_squatter`.
@@ -90,7 +82,7 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     model = start_model(person, plane)
     fitted, held_out = (make_recording(model, squats, plane) for squats in (person.fitted, person.held_out))
     clock = time.perf_counter()
-    found = estimate_consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
+    found = estimate.estimate_consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
     seconds = time.perf_counter() - clock
     inertia = [compute_inertia_distance(m, person.model).tolist() for m in (model, found.model)]
     lengths = [_MM * (measure_lengths(m) - measure_lengths(person.model)) for m in (model, found.model)]
@@ -98,7 +90,7 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
         _MM * np.sqrt((way[0].gaps.marker_gaps ** 2).sum(axis=2).mean(axis=0))
         for way in (found.classical, found.consistent)
     ]
-    return SquatterEntry(
+    return documents.SquatterEntry(
         name=person.name,
         fitted=describe_recording(found, 0, person.fitted.truth.q),
         held_out=describe_recording(found, 1, person.held_out.truth.q),
@@ -114,7 +106,9 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     )
 
 
-def describe_recording(found: ConsistentResult, k: int, truth: Array | None = None) -> RecordingEntry:
+def describe_recording(
+    found: estimate.ConsistentResult, k: int, truth: Array | None = None
+) -> documents.RecordingEntry:
     """The errors of all ways in recording k, (fitted, held out).
 
     ``truth``: its angles, (n, 4), rad, where they are known.
@@ -123,34 +117,36 @@ def describe_recording(found: ConsistentResult, k: int, truth: Array | None = No
     for name in WAYS:
         tracked = getattr(found, name)[k]
         apart = None if truth is None else np.degrees(tracked.rated.q - truth)
-        ways[name] = WayEntry(
+        ways[name] = documents.WayEntry(
             wrench_rmse=tracked.wrench_rmse[list(SAGITTAL_ROWS)].tolist(),
             marker_rms_mm=round(_MM * tracked.marker_rms_m, 3),
             angle_rmse_deg=[] if apart is None else np.sqrt((apart**2).mean(axis=0)).tolist(),
         )
-    return RecordingEntry(**ways)
+    return documents.RecordingEntry(**ways)
 
 
 def start_model(person: squatters.VirtualSquatter, plane: planar.SagittalPlane) -> BodyModel:
     """What a laboratory would start from: it knows the recording, the stature and what the plate bears."""
-    sized = planar.scale_squat(load_builtin(SQUAT), planar.in_plane(person.fitted.trial, plane))
+    sized = planar.scale_squat(
+        load_builtin(inertia_planar.SQUAT), planar.in_plane(person.fitted.trial, plane)
+    )
     borne = float(person.fitted.loads.total[:, 1].mean() / -GRAVITY[1])
-    return apply_to_squat(sized, TABLE, sex="M", height_m=person.height_m, mass_kg=borne).model
+    return inertia_planar.apply_to_squat(sized, TABLE, sex="M", height_m=person.height_m, mass_kg=borne).model
 
 
 def make_recording(
     model: BodyModel, squats: squatters.Squats, plane: planar.SagittalPlane
-) -> ConsistentRecording:
+) -> recording.ConsistentRecording:
     """Markers and filtered forces in the plane, and what inverse kinematics makes of the markers."""
     trial = planar.in_plane(squats.trial, plane)
     count = len(trial.times)
-    return ConsistentRecording(
+    return recording.ConsistentRecording(
         trial=trial,
         motion=inverse_kinematics(model, trial),
         loads=_filter_loads(planar.project_loads(squats.loads, plane)),
         supported=np.ones(count, dtype=bool),
         about=np.zeros((count, 3)),
-        components=SAGITTAL,
+        components=recording.SAGITTAL,
     )
 
 
@@ -194,7 +190,7 @@ def reproduce_futamure(
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
     finished: claims.PersonDone | None = None,
-) -> FutamureDocument:
+) -> documents.FutamureDocument:
     """Explain squats of virtual persons in both ways, and ask what the paper claims.
 
     ``seed``: decides who the persons are. ``recordings``: subject files of real squats with forces, shown
@@ -203,7 +199,7 @@ def reproduce_futamure(
     """
     clock, count = time.perf_counter(), squatters.SUBJECTS if subjects is None else subjects
     real = [_study_real(Path(file)) for file in recordings]
-    document = FutamureDocument(
+    document = documents.FutamureDocument(
         source=SOURCE,
         code_version=code_version(),
         settings=asdict(ConsistentSettings()),
@@ -218,7 +214,7 @@ def reproduce_futamure(
     return claims.answer_claims(document, CLAIMS)
 
 
-def _study_real(file: Path) -> RealEntry:
+def _study_real(file: Path) -> documents.RealEntry:
     """A real person's first recording: its beginning fitted, its end held out."""
     loaded = open_subject(file, UNSMOOTHED)
     subject = loaded.session.subject
@@ -230,8 +226,8 @@ def _study_real(file: Path) -> RealEntry:
         cut = int(FITTED_SHARE * len(whole.trial.times))
         parts = [whole.part(slice(0, cut), "fitted"), whole.part(slice(cut, None), "held out")]
         clock = time.perf_counter()
-        found = estimate_consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
-    return RealEntry(
+        found = estimate.estimate_consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
+    return documents.RealEntry(
         name=f"{subject.id} {whole.name}",
         model=Path(subject.model).name,
         start=ready.prepared.start,

@@ -9,11 +9,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
+from scaling_service.capabilities.dynamics.uncertainty import total as totals
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.arrays import Array
 from scaling_service.studies import claims
-from scaling_service.studies.muller2017.document import Muller2017Document
+from scaling_service.studies.muller2017.result import Muller2017Document
 
 NOMINAL = 0.95
 """Rate at which a frame's interval by the markers' errors should hold the true error."""
@@ -69,14 +69,14 @@ def _assess_positive(difference: Array) -> float:
 
 
 @_claim("3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999")
-def _linear(study: Muller2017Document) -> claims.Answer:
+def linear(study: Muller2017Document) -> claims.Answer:
     r2, centred = _of(study, "r2"), _of(study, "r2_centred")
     said = f"R2 {r2.min():.3f} to {r2.max():.3f}; about the mean {centred.min():.3f} to {centred.max():.3f}"
     return claims.Answer(bool(r2.min() >= LEAST_R2), said)
 
 
 @_claim("figure 8", "Slopes are consistent between persons", "boxes about a third wide")
-def _consistent(study: Muller2017Document) -> claims.Answer:
+def consistent(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm")
     if len(slopes) < 3:
         return claims.Answer(None, "too few persons")
@@ -88,7 +88,7 @@ def _consistent(study: Muller2017Document) -> claims.Answer:
 
 
 @_claim("figure 8", "Vertical force and moment are least uncertain", "stated in words")
-def _least_vertical(study: Muller2017Document) -> claims.Answer:
+def least_vertical(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm")
     smaller = [
         slopes[:, list(flat)].min(axis=1) - slopes[:, up]
@@ -106,7 +106,7 @@ def _is_significant(p: float, study: Muller2017Document) -> bool | None:
 
 
 @_claim("3.1", "Both horizontal directions are alike", "same order of magnitude")
-def _horizontals_alike(study: Muller2017Document) -> claims.Answer:
+def horizontals_alike(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm").mean(axis=0)
     ratios = [slopes[a] / slopes[b] for a, b in HORIZONTAL]
     holds = all(0.1 < ratio < 10.0 for ratio in ratios)
@@ -114,17 +114,17 @@ def _horizontals_alike(study: Muller2017Document) -> claims.Answer:
 
 
 @_claim("3.2", "The plates' noise is negligible", "5 orders of magnitude lower, about 1e-6")
-def _plates_negligible(study: Muller2017Document) -> claims.Answer:
+def plates_negligible(study: Muller2017Document) -> claims.Answer:
     orders = np.log10(_of(study, "kinematic") / _of(study, "plate"))
     said = f"{orders.min():.1f} to {orders.max():.1f} orders; plates {_of(study, 'plate').max():.1e} at most"
     return claims.Answer(bool(orders.min() >= ORDERS), said)
 
 
 @_claim("3.3, H1", "A table's inertia is acceptable", "forces 2 ± 0.6 %, moments 1.3 ± 0.7 %")
-def _table_acceptable(study: Muller2017Document) -> claims.Answer:
+def table_acceptable(study: Muller2017Document) -> claims.Answer:
     dr = 100 * _of(study, "dr")
     force, moment = dr[:, :3].mean(axis=1), dr[:, 3:].mean(axis=1)
-    holds = bool((force <= 100 * SMALL_FORCE).all() and (moment <= 100 * SMALL_MOMENT).all())
+    holds = bool((force <= 100 * totals.SMALL_FORCE).all() and (moment <= 100 * totals.SMALL_MOMENT).all())
     said = (
         f"forces {force.mean():.2f} ± {force.std(ddof=min(1, len(force) - 1)):.2f} %, moments "
         f"{moment.mean():.2f} ± {moment.std(ddof=min(1, len(moment) - 1)):.2f} %"
@@ -137,7 +137,7 @@ def _table_acceptable(study: Muller2017Document) -> claims.Answer:
     "Uncertainties exceed residuals, except for the vertical moment",
     "all components of 10 persons but that one",
 )
-def _uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
+def uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
     above = _of(study, "total") > _of(study, "dr")
     but_vertical = np.delete(above, VERTICAL[1], axis=1)
     ratio = _by_component(np.median(_of(study, "total") / _of(study, "dr"), axis=0))
@@ -148,7 +148,7 @@ def _uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
 
 
 @_claim("3.3, H2", "Residuals cannot calibrate inertia", "refuted for all 10 persons")
-def _calibration_refused(study: Muller2017Document) -> claims.Answer:
+def calibration_refused(study: Muller2017Document) -> claims.Answer:
     supported = _list_flags(study, "calibration_supported")
     every, some = supported.all(axis=1), supported.any(axis=1)
     counts = {"yes": every.sum(), "in part": (some & ~every).sum(), "no": (~some).sum()}
@@ -161,7 +161,7 @@ def _calibration_refused(study: Muller2017Document) -> claims.Answer:
     "Where calibration is refused, the measurement's true error is larger than inertia's",
     "cannot be known",
 )
-def _refusal_is_right(study: Muller2017Document) -> claims.Answer:
+def refusal_is_right(study: Muller2017Document) -> claims.Answer:
     refused, blamed = ~_list_flags(study, "calibration_supported"), _list_flags(study, "blamed")
     wrong = refused & blamed
     by = ", ".join(f"{n} {k}" for n, k in zip(COMPONENTS, wrong.sum(axis=0), strict=True) if k)
@@ -170,7 +170,7 @@ def _refusal_is_right(study: Muller2017Document) -> claims.Answer:
 
 
 @_claim("truth", "The stated uncertainty covers the true error of the residual", "cannot be known")
-def _covers(study: Muller2017Document) -> claims.Answer:
+def covers(study: Muller2017Document) -> claims.Answer:
     true, total = _of(study, "true_measurement_error"), _of(study, "total")
     covered = true <= total
     ratio = _by_component(np.median(total / true, axis=0))
@@ -185,7 +185,7 @@ def _covers(study: Muller2017Document) -> claims.Answer:
     f"Intervals of {INTERVAL} SD by the markers' errors hold {100 * NOMINAL:.0f} % of the true errors",
     "proposed as future work",
 )
-def _markers_cover(study: Muller2017Document) -> claims.Answer:
+def markers_cover(study: Muller2017Document) -> claims.Answer:
     mean = _of(study, "coverage").mean(axis=0)
     ratio = np.median(_of(study, "markers_sd") / _of(study, "true_measurement_error"), axis=0)
     said = (
@@ -196,7 +196,7 @@ def _markers_cover(study: Muller2017Document) -> claims.Answer:
 
 
 @_claim("beyond", "Linear propagation gives the sampled slopes", "not in the paper")
-def _linear_agrees(study: Muller2017Document) -> claims.Answer:
+def linear_agrees(study: Muller2017Document) -> claims.Answer:
     ratio = _of(study, "linear_slopes_per_cm") / _of(study, "slopes_per_cm")
     return claims.Answer(
         bool(np.abs(ratio - 1.0).max() <= ROUGH), f"ratio {ratio.min():.3f} to {ratio.max():.3f}"
@@ -213,7 +213,7 @@ def _compute_growth(study: Muller2017Document) -> Array:
     "Identification against the verdict makes the held-out error of inertia worse",
     "expected: overfitting",
 )
-def _identification_worse(study: Muller2017Document) -> claims.Answer:
+def identification_worse(study: Muller2017Document) -> claims.Answer:
     worse = np.array([person.identified_freely.worse for person in study.persons])
     median = _by_component(np.median(_compute_growth(study), axis=0), 2)
     p = _assess_positive(np.log(worse))
@@ -226,7 +226,7 @@ def _identification_worse(study: Muller2017Document) -> claims.Answer:
 @_claim(
     "truth", "It does so in components whose residual is mostly the measurement's", "expected: overfitting"
 )
-def _worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
+def worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
     logs, blamed = np.log(_compute_growth(study)), _list_flags(study, "blamed")
     refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
     allowed = logs[blamed]
@@ -241,7 +241,7 @@ def _worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
     "The verdict by the markers' errors supports only what identification betters",
     "not in the paper",
 )
-def _markers_verdict(study: Muller2017Document) -> claims.Answer:
+def markers_verdict(study: Muller2017Document) -> claims.Answer:
     supported, blamed = _list_flags(study, "supported_by_markers"), _list_flags(study, "blamed")
     if not supported.any():
         return claims.Answer(None, "nothing is supported")
@@ -256,7 +256,7 @@ def _markers_verdict(study: Muller2017Document) -> claims.Answer:
 
 
 @_claim("truth", "Even a held-out residual can fall while inertia becomes less true", "expected: overfitting")
-def _held_out_residual_deceives(study: Muller2017Document) -> claims.Answer:
+def held_out_residual_deceives(study: Muller2017Document) -> claims.Answer:
     free = [person.identified_freely for person in study.persons]
     fell = [float(np.linalg.norm(f.residual_after) / np.linalg.norm(f.residual_before)) for f in free]
     truer = [f.worse for f in free]

@@ -16,12 +16,11 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMo
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model import body
-from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
-from scaling_service.model.builtin import load_builtin, load_generic_person
-from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
+from scaling_service.model import body, builtin
+from scaling_service.model import compile as compiling
+from scaling_service.model import inertia as model_inertia
+from scaling_service.model.anatomy import inertia as inertias
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Inertias
@@ -31,7 +30,7 @@ from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_root_wrench
 from scaling_service.virtual import artefact
-from scaling_service.virtual.motion import ANKLE_HEIGHT, draw_wandering
+from scaling_service.virtual import motion as motions
 
 SLOT_S = (1.2, 1.8)
 """How long one movement takes (chosen: unhurried imitation of a video; 29 joints fit into a minute)."""
@@ -142,12 +141,12 @@ def simulate_sequence(
     them, or shuffled. Returns ``q`` ((n, n_coordinates), rad and m): the pelvis is carried so that the feet
     that bear the person stay where they are; ``share`` (n,): of the load on the right foot.
     """
-    q = repeat_default_pose(model, len(times))
+    q = compiling.repeat_default_pose(model, len(times))
     bearing = np.empty(len(times))
     column = {name: k for k, name in enumerate(model.coordinate_names)}
     for coordinate in model.coordinates:
         if coordinate.kind == "rotation":
-            q[:, column[coordinate.name]] = np.radians(draw_wandering(rng, times, SWAY_DEG, SWAY_HZ))
+            q[:, column[coordinate.name]] = np.radians(motions.draw_wandering(rng, times, SWAY_DEG, SWAY_HZ))
     found, start, turn = list_movements(), 0.0, 0
     order = np.arange(len(found)) if in_order else rng.permutation(len(found))
     while start < times[-1]:
@@ -171,13 +170,13 @@ def simulate_sequence(
 def _simulate_standing(model: body.BodyModel, q: Array, right: Array, stature_m: float) -> Array:
     ankles = [body.Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"]
     marked = model.with_markers(tuple(ankles))
-    tree, p = compile_model(marked), list_parameter_values(marked)
+    tree, p = compiling.compile_model(marked), compiling.list_parameter_values(marked)
     place = [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
     q = q.copy()
     q[:, place] = 0.0
     placed = pose_markers(tree, q, p)
     still = pose_markers(tree, 0.0 * q[:1], p)[0]
-    home = still - [still.mean(axis=0)[0], still[0, 1] - ANKLE_HEIGHT * stature_m, 0.0]
+    home = still - [still.mean(axis=0)[0], still[0, 1] - motions.ANKLE_HEIGHT * stature_m, 0.0]
     share = np.column_stack([right, 1.0 - right])
     q[:, place] = np.einsum("nk,nka->na", share, home[None] - placed)
     return q
@@ -185,7 +184,10 @@ def _simulate_standing(model: body.BodyModel, q: Array, right: Array, stature_m:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationSettings:
-    """What is recorded, and how large its faults are (one: as in the literature, zero: none)."""
+    """What is recorded, and how large its faults are (one: as in the literature, zero: none).
+
+    The study takes the minute with all faults.
+    """
 
     seconds: float = 60.0
     rate_hz: float = 100.0
@@ -193,10 +195,6 @@ class ExcitationSettings:
     noise: float = 1.0
     inertia: float = 1.0
     calibration: float = 1.0
-
-
-WHOLE = ExcitationSettings()
-"""The minute that the study takes, with all faults."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -223,7 +221,9 @@ class ExcitedPerson:
 
 
 def make_excited_person(
-    seed: int, settings: ExcitationSettings = WHOLE, names: tuple[str, ...] = ("in_order", "shuffled")
+    seed: int,
+    settings: ExcitationSettings = ExcitationSettings(),
+    names: tuple[str, ...] = ("in_order", "shuffled"),
 ) -> ExcitedPerson:
     """Draw a person and record them.
 
@@ -231,37 +231,30 @@ def make_excited_person(
     """
     rng = stream(seed, "excited", "person")
     height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
-    truth = _draw_truth(seed, height, mass, settings.inertia)
-    model = _calibrate_model(seed, truth, height, mass, settings.calibration)
-    performances = {name: _perform(seed, name, truth, model, height, settings) for name in names}
-    return ExcitedPerson(
-        seed=seed, height_m=height, mass_kg=mass, truth=truth, model=model, performances=performances
-    )
-
-
-def _draw_truth(seed: int, height: float, mass: float, size: float) -> body.BodyModel:
-    generic = load_builtin(MODEL)
-    stature = height / load_generic_person(MODEL).height_m
+    generic = builtin.load_builtin(MODEL)
+    stature = height / builtin.load_generic_person(MODEL).height_m
     factors = {}
     for name in generic.segment_names:
         both_sides = name.removesuffix("_r").removesuffix("_l")
         own = stature * (1.0 + PROPORTION_SD * stream(seed, "excited", "length", both_sides).normal())
         factors[name] = (own, own, own)
-    model = scale_model(generic, factors, mass_kg=mass)
-    table = apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
-    return with_inertias(table, _miss_inertia(seed, gather_inertias(table), mass, size))
-
-
-def _miss_inertia(seed: int, table: Inertias, mass: float, size: float) -> Inertias:
-    """The inertia of a person for whom a table says something else."""
-    rng = stream(seed, "excited", "inertia")
-    n = len(table.mass)
-    own = table.mass * np.exp(MASS_SD * size * rng.normal(size=n))
-    own *= mass / own.sum()
-    com = table.com + COM_M * size * rng.normal(size=(n, 3))
-    spread = np.exp(TENSOR_SD * size * rng.normal(size=n)) * own / table.mass
-    tensors = np.array([find_possible_tensor(t)[0] for t in table.tensor * spread[:, None, None]])
-    return Inertias(own, com, tensors)
+    scaled = scale_model(generic, factors, mass_kg=mass)
+    table = inertias.apply_inertia_table(scaled, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
+    # The inertia of a person for whom a table says something else
+    tabled = model_inertia.gather_inertias(table)
+    draws = stream(seed, "excited", "inertia")
+    n = len(tabled.mass)
+    masses = tabled.mass * np.exp(MASS_SD * settings.inertia * draws.normal(size=n))
+    masses *= mass / masses.sum()
+    com = tabled.com + COM_M * settings.inertia * draws.normal(size=(n, 3))
+    spread = np.exp(TENSOR_SD * settings.inertia * draws.normal(size=n)) * masses / tabled.mass
+    tensors = np.array([inertias.find_possible_tensor(t)[0] for t in tabled.tensor * spread[:, None, None]])
+    truth = model_inertia.with_inertias(table, Inertias(masses, com, tensors))
+    model = _calibrate_model(seed, truth, height, mass, settings.calibration)
+    performances = {name: _perform(seed, name, truth, model, height, settings) for name in names}
+    return ExcitedPerson(
+        seed=seed, height_m=height, mass_kg=mass, truth=truth, model=model, performances=performances
+    )
 
 
 def _calibrate_model(
@@ -275,7 +268,7 @@ def _calibrate_model(
     model = scale_model(truth, factors)
     markers = tuple(artefact.shift_marker(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
     model = model.with_markers(markers)
-    return apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
+    return inertias.apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
 
 
 def _perform(
@@ -293,14 +286,16 @@ def _perform(
     # Both forces are parallel and the common centre of pressure lies between, so that their sum is the net
     # wrench.
     first, second = differentiate_spline(times, q)
-    p = list_parameter_values(truth)
-    wrench, _ = compute_root_wrench(compile_mechanism(truth), Rates.of_frames(q, first, second), p)
+    p = compiling.list_parameter_values(truth)
+    wrench, _ = compute_root_wrench(
+        model_inertia.compile_mechanism(truth), Rates.of_frames(q, first, second), p
+    )
     force, moment = wrench[:3].T, wrench[3:].T
     vertical = force[:, 1]
     centre = np.column_stack([moment[:, 2] / vertical, np.zeros_like(vertical), -moment[:, 0] / vertical])
     free = moment - np.cross(centre, force)  # about the vertical
     feet = truth.with_markers(tuple(body.Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
-    ankles = pose_markers(compile_model(feet), q, p)
+    ankles = pose_markers(compiling.compile_model(feet), q, p)
     apart = (ankles[:, 0] - ankles[:, 1]) * [1.0, 0.0, 1.0]
     share = np.column_stack([right, 1.0 - right])[..., None]
     centres = np.stack([centre + (1.0 - right)[:, None] * apart, centre - right[:, None] * apart], axis=1)
@@ -308,11 +303,30 @@ def _perform(
     moments = np.cross(centres, forces) + share * free[:, None]
     loads = SegmentLoads(times, ("calcn_r", "calcn_l"), forces, moments)
     labels = tuple(m.name for m in truth.markers if m.weight > 0.0)
+    # What the cameras see, shape (n, n_markers, 3), m
+    gliding = []
+    for m in truth.markers:
+        # A marker that moves over its segment with the angles of the segment's joints
+        per_rad = {}
+        # Angles of the joint that carries a segment and of those that it carries, the root's own apart
+        near = [s for s in truth.segments if s.name == m.segment or s.parent == m.segment]
+        joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
+        for coordinate in sorted({c for joint in joints for c in joint.law.coordinates}):
+            drawn = artefact.draw_shared(seed, "excited", "skin", m.segment, coordinate, marker=m.name)
+            per_rad[coordinate] = body.to_vector(1e-3 * np.degrees(settings.skin * SKIN_MM_PER_DEG * drawn))
+        gliding.append(artefact.glide_marker(m, per_rad))
+    skin = truth.with_markers(tuple(gliding))
+    seen = pose_markers(compiling.compile_model(skin, labels), q, compiling.list_parameter_values(skin))
+    for k, label in enumerate(labels):
+        glide = stream(seed, "excited", "markers", name, label)
+        for axis in range(3):
+            seen[:, k, axis] += motions.draw_wandering(glide, times, settings.skin * WANDER_M, WANDER_HZ)
+        seen[:, k] += settings.noise * CAMERA_M * glide.normal(size=(len(times), 3))
     trial = Trial(
         name=name,
         times=times,
         labels=labels,
-        markers=_record_markers(seed, name, truth, labels, times, q, settings),
+        markers=seen,
         rate_hz=settings.rate_hz,
     )
     motion = inverse_kinematics(model, trial)
@@ -343,35 +357,3 @@ def _measure_loads(seed: int, name: str, loads: SegmentLoads, settings: Excitati
         np.moveaxis(both, 1, 0), rate_hz=settings.rate_hz, cutoff_hz=_CUTOFF_HZ, order=_ORDER
     ).values
     return replace(loads, force=slow[:, 0], moment=slow[:, 1])
-
-
-def _record_markers(
-    seed: int,
-    name: str,
-    truth: body.BodyModel,
-    labels: tuple[str, ...],
-    times: Array,
-    q: Array,
-    settings: ExcitationSettings,
-) -> Array:
-    """What the cameras see, shape (n, n_markers, 3), m."""
-    skin = truth.with_markers(tuple(_make_gliding(seed, m, truth, settings.skin) for m in truth.markers))
-    seen = pose_markers(compile_model(skin, labels), q, list_parameter_values(skin))
-    for k, label in enumerate(labels):
-        rng = stream(seed, "excited", "markers", name, label)
-        for axis in range(3):
-            seen[:, k, axis] += draw_wandering(rng, times, settings.skin * WANDER_M, WANDER_HZ)
-        seen[:, k] += settings.noise * CAMERA_M * rng.normal(size=(len(times), 3))
-    return seen
-
-
-def _make_gliding(seed: int, marker: body.Marker, model: body.BodyModel, size: float) -> body.Marker:
-    """A marker that moves over its segment with the angles of the segment's joints."""
-    per_rad = {}
-    # Angles of the joint that carries a segment and of those that it carries, the root's own apart
-    near = [s for s in model.segments if s.name == marker.segment or s.parent == marker.segment]
-    joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
-    for coordinate in sorted({c for joint in joints for c in joint.law.coordinates}):
-        drawn = artefact.draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
-        per_rad[coordinate] = body.to_vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
-    return artefact.glide_marker(marker, per_rad)

@@ -14,20 +14,15 @@ from functools import partial
 import numpy as np
 
 from scaling_service.capabilities.dynamics.uncertainty import linear
-from scaling_service.capabilities.dynamics.uncertainty.plates import (
-    SIGMAS,
-    PlateNoise,
-    PressedPlates,
-    list_pressed,
-)
-from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, NoiseOn, Reference
-from scaling_service.capabilities.dynamics.uncertainty.total import LEVELS, WrenchUncertainty
+from scaling_service.capabilities.dynamics.uncertainty import plates as uncertainty_plates
+from scaling_service.capabilities.dynamics.uncertainty import reference as references
+from scaling_service.capabilities.dynamics.uncertainty import total as totals
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
 from scaling_service.core.threads import Serial
 from scaling_service.numerics.multibody.tree import cross
-from scaling_service.studies.muller2017.points import PointBody, compute_residual
+from scaling_service.studies.muller2017 import points
 
 PER_SAMPLE = 3
 """Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
@@ -64,8 +59,8 @@ class Level:
 
 
 def draw_database(
-    body: PointBody,
-    reference: Reference,
+    body: points.PointBody,
+    reference: references.Reference,
     count: int,
     seed: int,
     reach: float,
@@ -101,16 +96,20 @@ def _list_rows(sample: Callable[[int], Array], numbers: range) -> Array:
     return np.array([sample(number) for number in numbers])
 
 
-def _perturb(body: PointBody, reference: Reference, seed: int, largest: float, number: int) -> Array:
+def _perturb(
+    body: points.PointBody, reference: references.Reference, seed: int, largest: float, number: int
+) -> Array:
     """Size, error and indicator of one perturbed motion, shape (8,)."""
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
     noise = rng.standard_normal((len(reference.varied), reference.n_frames))
-    error, residual = compute_residual(body, reference, reference.perturb(noise, size))
+    error, residual = points.compute_residual(body, reference, reference.perturb(noise, size))
     return np.concatenate([[size, error], reference.indicator(residual)])
 
 
-def _find_largest(body: PointBody, reference: Reference, seed: int, error: float, reach: float) -> float:
+def _find_largest(
+    body: points.PointBody, reference: references.Reference, seed: int, error: float, reach: float
+) -> float:
     """The size of perturbations whose error is ``reach`` times the reference's, in the mean of few motions.
 
     The squared error grows about as the squared size; two steps settle it.
@@ -121,7 +120,7 @@ def _find_largest(body: PointBody, reference: Reference, seed: int, error: float
         reached = []
         for number in range(_PILOTS):
             noise = stream(seed, "uncertainty", reference.trial, "pilot", number).standard_normal(shape)
-            reached.append(compute_residual(body, reference, reference.perturb(noise, size))[0])
+            reached.append(points.compute_residual(body, reference, reference.perturb(noise, size))[0])
         size *= float(np.sqrt((reach**2 - 1.0) / ((np.mean(reached) / error) ** 2 - 1.0)))
     return size
 
@@ -147,7 +146,7 @@ def draw_levels(
     return tuple(found)
 
 
-def _push(plates: PressedPlates, seed: int, trial: str, number: int) -> Array:
+def _push(plates: uncertainty_plates.PressedPlates, seed: int, trial: str, number: int) -> Array:
     """The residual indicator under one draw of noise; what the plates measure too much is missing then."""
     rng = stream(seed, "uncertainty", trial, "plates", number)
     pushed = plates.sigma * rng.standard_normal(plates.force.shape)
@@ -163,12 +162,12 @@ class UncertaintySettings:
     """How uncertainty is sampled."""
 
     samples: int = 1000  # per level, and of the force plates
-    levels: tuple[float, ...] = LEVELS  # of added reconstruction error
+    levels: tuple[float, ...] = totals.LEVELS  # of added reconstruction error
     # perturbed motions in the database from which each level draws with replacement; unless given, three
     # times the samples. The paper does not say how many it had.
     motions: int | None = None
-    noise_on: NoiseOn = "rotations"  # coordinates that are perturbed; see ``NoiseOn``
-    plates: PlateNoise = field(default_factory=PlateNoise)
+    noise_on: references.NoiseOn = "rotations"  # coordinates that are perturbed; see ``NoiseOn``
+    plates: uncertainty_plates.PlateNoise = field(default_factory=uncertainty_plates.PlateNoise)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -189,14 +188,14 @@ class UncertaintySettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SampledUncertainty(WrenchUncertainty):
+class SampledUncertainty(totals.WrenchUncertainty):
     """A residual's uncertainty with the levels that were drawn."""
 
     levels: tuple[Level, ...]
 
 
 def propagate_by_samples(
-    recording: LoadedMotion,
+    recording: references.LoadedMotion,
     settings: UncertaintySettings = UncertaintySettings(),
     *,
     executor: Executor | None = None,
@@ -208,15 +207,17 @@ def propagate_by_samples(
     its own. Progress is the share that is done. Refuses a recording whose markers are followed without any
     error, so that there is nothing to scale a perturbation by.
     """
-    reference = Reference.of(recording, settings.noise_on)
+    reference = references.Reference.of(recording, settings.noise_on)
     run = executor or Serial()
-    body = PointBody.of(recording.model, recording.motion.markers)
+    body = points.PointBody.of(recording.model, recording.motion.markers)
     database = draw_database(
         body, reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
     )
     levels = draw_levels(database, settings.levels, settings.samples, settings.seed)
-    push = partial(_push, list_pressed(reference, settings.plates), settings.seed, reference.trial)
-    plate = SIGMAS * _sample(run, push, settings.samples).std(axis=0, ddof=1)
+    push = partial(
+        _push, uncertainty_plates.list_pressed(reference, settings.plates), settings.seed, reference.trial
+    )
+    plate = uncertainty_plates.SIGMAS * _sample(run, push, settings.samples).std(axis=0, ddof=1)
     added = np.array([level.added_m for level in levels])
     dispersion = np.array([level.dispersion for level in levels])
     slopes, r2, centred = linear.fit_slopes_through_zero(1e2 * added, dispersion)  # per cm

@@ -11,26 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.uncertainty.reference import (
-    HALO,
-    STENCIL,
-    Reference,
-    difference_twice,
-    make_trees,
-)
+from scaling_service.capabilities.dynamics.uncertainty import reference as references
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import to_matrix
-from scaling_service.numerics.multibody.tree import (
-    CYCLE,
-    Poses,
-    Tree,
-    cross,
-    place_tree_markers,
-    pose_links,
-)
-from scaling_service.numerics.wrench import GRAVITY, move_moment
+from scaling_service.numerics import wrench as wrenches
+from scaling_service.numerics.multibody import tree as trees
 
 BLOCK = 1016
 """Frames computed together; with the halo 1024 (chosen: the fastest measured, 3.2 µs a frame against 3.9
@@ -54,7 +41,9 @@ class PointBody:
     the rate of an angular momentum taken between frames. Frames come last, as in the kernels.
     """
 
-    tree: Tree  # with all segments that have mass, and the markers that are compared with the measured ones
+    tree: (
+        trees.Tree
+    )  # with all segments that have mass, and the markers that are compared with the measured ones
     links: NDArray[np.intp]  # (n_massive,): its segments with mass
     p: Array  # (n_parameters,)
     masses: Array  # (n_massive,), kg
@@ -67,7 +56,7 @@ class PointBody:
     def of(cls, model: BodyModel, markers: tuple[str, ...]) -> PointBody:
         """A model with mass, and the markers to compare in this order."""
         heavy = [s for s in model.segments if s.mass]
-        whole, tree = make_trees(model, markers, heavy)
+        whole, tree = references.make_trees(model, markers, heavy)
         vectors, signs = np.empty((len(heavy), 4, 3)), np.ones((len(heavy), 4))
         for row, segment in enumerate(heavy):
             tensor = to_matrix(segment.inertia)
@@ -91,11 +80,11 @@ class PointBody:
         """The node of the tree's plan that is each massive segment's frame."""
         return self.tree.plan.link_node[self.links]
 
-    def poses(self, q: Array) -> Poses:
+    def poses(self, q: Array) -> trees.Poses:
         """Where all segments are, of coordinates (n_coordinates, n)."""
-        return pose_links(self.tree, q, self.p)
+        return trees.pose_links(self.tree, q, self.p)
 
-    def move(self, poses: Poses) -> Array:
+    def move(self, poses: trees.Poses) -> Array:
         """The vectors y of a motion, shape (4 n_massive, 3, n), kg^0.5 m."""
         n = poses.frames.shape[-1]
         y = np.empty((len(self.masses), 4, 3, n))
@@ -111,52 +100,58 @@ class PointBody:
         """
         n = y.shape[-1]
         first = np.tensordot(np.sqrt(self.masses), y[::4], axes=1)
-        inner = slice(HALO, n - HALO)
-        result = np.empty((6, n - 2 * HALO))
-        result[:3] = difference_twice(first, step_s) - self.masses.sum() * GRAVITY[:, None]
-        result[3:] = self._angular_momentum_rate(y) / step_s**2
-        result[3:] -= cross(first[:, inner], GRAVITY[:, None]) + cross(root[:, inner], result[:3])
-        return result
-
-    def _angular_momentum_rate(self, y: Array) -> Array:
-        n = y.shape[-1]
-        total = np.zeros((3, n - 2 * HALO))
+        inner = slice(references.HALO, n - references.HALO)
+        result = np.empty((6, n - 2 * references.HALO))
+        result[:3] = (
+            references.difference_twice(first, step_s) - self.masses.sum() * wrenches.GRAVITY[:, None]
+        )
+        length = y.shape[-1]
+        total = np.zeros((3, length - 2 * references.HALO))
         signed = y if (self.signs > 0).all() else y * self.signs.ravel()[:, None, None]
-        for lag, weight in enumerate(STENCIL, start=1):
+        for lag, weight in enumerate(references.STENCIL, start=1):
             between = sum_lagged_products(signed, y, lag)
             # starts at frame HALO - lag of the difference, so that both terms are slices of one array
-            ahead = between[:, HALO : HALO + total.shape[1]]
-            behind = between[:, HALO - lag : HALO - lag + total.shape[1]]
+            ahead = between[:, references.HALO : references.HALO + total.shape[1]]
+            behind = between[:, references.HALO - lag : references.HALO - lag + total.shape[1]]
             total += weight * (ahead - behind)
-        return total
+        result[3:] = total / step_s**2
+        result[3:] -= trees.cross(first[:, inner], wrenches.GRAVITY[:, None]) + trees.cross(
+            root[:, inner], result[:3]
+        )
+        return result
 
 
 def sum_lagged_products(y: Array, other: Array, lag: int) -> Array:
     """``sum y(i) x other(i + lag)`` over all vectors, shape (3, n - lag)."""
     n = y.shape[-1] - lag
     result = np.empty((3, n))
-    for i, j, k in CYCLE:
+    for i, j, k in trees.CYCLE:
         np.einsum("mn,mn->n", y[:, j, :n], other[:, k, lag:], out=result[i])
         result[i] -= np.einsum("mn,mn->n", y[:, k, :n], other[:, j, lag:])
     return result
 
 
-def compute_residual(body: PointBody, reference: Reference, q: Array) -> tuple[float, Array]:
+def compute_residual(body: PointBody, reference: references.Reference, q: Array) -> tuple[float, Array]:
     """What a filtered motion leaves unexplained, as ``Reference.residual`` has it."""
     far, total = 0.0, 0.0
     residual = np.zeros((6, reference.n_frames))
     blocks = (
-        slice(at, min(at + BLOCK + 2 * HALO, stop))
+        slice(at, min(at + BLOCK + 2 * references.HALO, stop))
         for start, stop in reference.spans
-        for at in range(start, stop - 2 * HALO, BLOCK)
+        for at in range(start, stop - 2 * references.HALO, BLOCK)
     )
     for rows in blocks:
-        inner = slice(rows.start + HALO, rows.stop - HALO)
+        inner = slice(rows.start + references.HALO, rows.stop - references.HALO)
         poses = body.poses(np.ascontiguousarray(q[:, rows]))
         root = poses.frames[poses.plan.link_node[0], 3]
         needed = body.wrench(body.move(poses), root, reference.step_s)
-        residual[:, inner] = needed - move_moment(reference.external[:, inner], root[:, HALO:-HALO])
-        away = place_tree_markers(body.tree, poses)[:, :, HALO:-HALO] - reference.measured[:, :, inner]
+        residual[:, inner] = needed - wrenches.move_moment(
+            reference.external[:, inner], root[:, references.HALO : -references.HALO]
+        )
+        away = (
+            trees.place_tree_markers(body.tree, poses)[:, :, references.HALO : -references.HALO]
+            - reference.measured[:, :, inner]
+        )
         seen = reference.seen[:, inner]
         far += float(np.vdot(np.sqrt(np.einsum("man,man->mn", away, away)), seen))
         total += float(seen.sum())

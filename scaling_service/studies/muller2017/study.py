@@ -10,19 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.capabilities.dynamics.inertia import identification
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
-from scaling_service.capabilities.dynamics.inertia.identification import (
-    IdentificationSettings,
-    identify_inertia,
-)
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
     propagate_marker_errors,
 )
-from scaling_service.capabilities.dynamics.uncertainty.total import is_inertia_dominant, propagate
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
@@ -32,13 +29,8 @@ from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
 from scaling_service.studies import claims
 from scaling_service.studies.muller2017 import excitation, monte_carlo
+from scaling_service.studies.muller2017 import result as documents
 from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
-from scaling_service.studies.muller2017.document import (
-    IdentificationEntry,
-    Muller2017Document,
-    PersonEntry,
-    PropagatedEntry,
-)
 
 SUBJECTS = 10
 """Muller et al. 2017, sec. 2.3."""
@@ -82,8 +74,8 @@ _SAME = (
 def study_person(
     seed: int,
     settings: monte_carlo.UncertaintySettings,
-    recorded: excitation.ExcitationSettings = excitation.WHOLE,
-) -> PersonEntry:
+    recorded: excitation.ExcitationSettings = excitation.ExcitationSettings(),
+) -> documents.PersonEntry:
     """The whole study of one person, in this thread.
 
     ``seed``: of the person. ``settings``: its seed is replaced by the person's.
@@ -92,21 +84,25 @@ def study_person(
     performance = person.performances["in_order"]
     recording = performance.recording
     found = monte_carlo.propagate_by_samples(recording, replace(settings, seed=seed))
-    linear = propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
+    linear = total.propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
     markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
-    error, inertial = _compute_true_errors(person, performance)
+    # Residuals that the measurement and that the table's inertia bring, each (n, 6), N and N m
+    table = inertia.with_inertias(person.truth, inertia.gather_inertias(person.model))
+    missed = _compute_true_residual(table, performance)
+    error, inertial = _measure_dynamics(person.model, performance).residual - missed, missed
     rows, scale = markers.frames, _scale(person)
     markers_sd = _compute_rms(markers.sd) / scale
     largest = np.argsort(-markers.shares.mean(axis=1))[:SHOWN].tolist()
-    return PersonEntry.model_validate(
+    usual = PriorSpread()
+    return documents.PersonEntry.model_validate(
         {
             **describe_uncertainty(f"excited_{seed}", found),
             "linear_slopes_per_cm": linear.slopes_per_cm,
             "true_measurement_error": _compute_rms(error[rows]) / scale,
             "true_inertial_error": _compute_rms(inertial[rows]) / scale,
             "markers_sd": markers_sd,
-            "supported_by_markers": is_inertia_dominant(found.dr, markers_sd),
+            "supported_by_markers": total.is_inertia_dominant(found.dr, markers_sd),
             "coverage": (np.abs(error[rows]) <= INTERVAL * markers.sd).mean(axis=0),
             "markers": [
                 {
@@ -126,9 +122,15 @@ def study_person(
                 for w in choice.windows
             ],
             "windows_share": round(choice.share, 4),
-            "identified_beside_tables": _identify(person, IdentificationSettings(despite_verdict=True)),
+            "identified_beside_tables": _identify(
+                person, identification.IdentificationSettings(despite_verdict=True)
+            ),
             "identified_freely": _identify(
-                person, IdentificationSettings(spread=_widen_prior(), despite_verdict=True)
+                person,
+                identification.IdentificationSettings(
+                    spread=PriorSpread(FREE * usual.mass, FREE * usual.com, FREE * usual.length),
+                    despite_verdict=True,
+                ),
             ),
         }
     )
@@ -151,11 +153,6 @@ def describe_uncertainty(name: str, found: monte_carlo.SampledUncertainty) -> di
     }
 
 
-def _widen_prior() -> PriorSpread:
-    usual = PriorSpread()
-    return PriorSpread(FREE * usual.mass, FREE * usual.com, FREE * usual.length)
-
-
 def _scale(person: excitation.ExcitedPerson) -> Array:
     return np.asarray(
         1.0
@@ -167,15 +164,6 @@ def _scale(person: excitation.ExcitedPerson) -> Array:
 
 def _compute_rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
-
-
-def _compute_true_errors(
-    person: excitation.ExcitedPerson, performance: excitation.Performance
-) -> tuple[Array, Array]:
-    """Residuals that the measurement and that the table's inertia bring, each (n, 6), N and N m."""
-    table = inertia.with_inertias(person.truth, inertia.gather_inertias(person.model))
-    inertial = _compute_true_residual(table, performance)
-    return _measure_dynamics(person.model, performance).residual - inertial, inertial
 
 
 def _compute_true_residual(model: BodyModel, performance: excitation.Performance) -> Array:
@@ -191,29 +179,31 @@ def _measure_dynamics(
     return inverse_dynamics.solve_inverse_dynamics(model, recording.motion, recording.loads)
 
 
-def _identify(person: excitation.ExcitedPerson, settings: IdentificationSettings) -> IdentificationEntry:
+def _identify(
+    person: excitation.ExcitedPerson, settings: identification.IdentificationSettings
+) -> documents.IdentificationEntry:
     """Identify from one performance, despite whatever verdict, and look at the other."""
     fit, other = person.performances["in_order"], person.performances["shuffled"]
     scale, inner = _scale(person), other.recording.frames
     evidence = ForceRecording(_measure_dynamics(person.model, fit), fit.recording.frames)
-    found = identify_inertia(person.model, [evidence], settings=settings)
+    found = identification.identify_inertia(person.model, [evidence], settings=settings)
     entry = {}
     for when, model in (("before", person.model), ("after", found.model)):
         true = inertia.with_inertias(person.truth, inertia.gather_inertias(model))
         entry[f"residual_{when}"] = _compute_rms(_measure_dynamics(model, other).residual[inner]) / scale
         entry[f"true_error_{when}"] = _compute_rms(_compute_true_residual(true, other)[inner]) / scale
-    return IdentificationEntry.model_validate(entry)
+    return documents.IdentificationEntry.model_validate(entry)
 
 
 def reproduce_muller2017(
     settings: monte_carlo.UncertaintySettings,
     *,
     subjects: int | None = None,
-    recorded: excitation.ExcitationSettings = excitation.WHOLE,
+    recorded: excitation.ExcitationSettings = excitation.ExcitationSettings(),
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
     finished: claims.PersonDone | None = None,
-) -> Muller2017Document:
+) -> documents.Muller2017Document:
     """Propagate uncertainty in recordings of virtual persons, and ask what the paper claims.
 
     ``settings``: its seed decides who the persons are. ``recordings``: subject files of real persons whose
@@ -233,7 +223,7 @@ def reproduce_muller2017(
     )
     chosen = {**asdict(settings), "levels": list(settings.levels)}
     del chosen["seed"]
-    document = Muller2017Document(
+    document = documents.Muller2017Document(
         source=SOURCE,
         code_version=code_version(),
         settings={**chosen, "database": settings.database_size, "recorded": asdict(recorded)},
@@ -246,7 +236,9 @@ def reproduce_muller2017(
     return claims.answer_claims(document, CLAIMS)
 
 
-def _study_real(file: str | Path, settings: monte_carlo.UncertaintySettings) -> list[PropagatedEntry]:
+def _study_real(
+    file: str | Path, settings: monte_carlo.UncertaintySettings
+) -> list[documents.PropagatedEntry]:
     """A real person's recordings, with the model as it is."""
     found = dynamics(
         file,
@@ -255,7 +247,7 @@ def _study_real(file: str | Path, settings: monte_carlo.UncertaintySettings) -> 
     )
     subject = found.prepared.subject.id
     return [
-        PropagatedEntry.model_validate(
+        documents.PropagatedEntry.model_validate(
             describe_uncertainty(
                 f"{subject} {name}", monte_carlo.propagate_by_samples(trial.recording, settings)
             )

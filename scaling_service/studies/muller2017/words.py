@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import abc
 
 import numpy as np
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
+from scaling_service.report import tables
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Row, Table
 from scaling_service.studies.claims import summarise_study
-from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
+from scaling_service.studies.muller2017 import result as documents
 
 _AXES = "X forward, Y up, Z right: the paper's vertical Fz and Mz are fy and my here."
 
@@ -24,23 +24,25 @@ _MEANS = (
 )
 
 
-def summarise(document: Muller2017Document) -> Summary:
+def summarise(document: documents.Muller2017Document) -> Summary:
     """The study in short, with what only virtual persons can tell and where the uncertainty comes from."""
     persons = document.persons
     further = [*_make_truth_tables(persons), *_make_source_tables(persons[0])]
     return summarise_study("Muller et al. 2017", document, [*make_tables(document), *further])
 
 
-def make_tables(document: Muller2017Document) -> list[Table]:
+def make_tables(document: documents.Muller2017Document) -> list[tables.Table]:
     """Means over persons, and real recordings."""
     rows = [
-        Row(title, _format_percent(np.mean([getattr(person, name) for person in document.persons], axis=0)))
+        tables.Row(
+            title, _format_percent(np.mean([getattr(person, name) for person in document.persons], axis=0))
+        )
         for title, name in _MEANS
     ]
     coverage = 100 * np.mean([person.coverage for person in document.persons], axis=0)
-    rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
+    rows.append(tables.Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
     return [
-        Table(
+        tables.Table(
             caption="Means over persons, % of weight and of weight times stature",
             columns=["", *COMPONENTS],
             rows=rows,
@@ -50,11 +52,11 @@ def make_tables(document: Muller2017Document) -> list[Table]:
     ]
 
 
-def _format_percent(shares: Iterable[float]) -> list[str]:
+def _format_percent(shares: abc.Iterable[float]) -> list[str]:
     return [f"{100 * share:.2f}" for share in shares]
 
 
-def _make_truth_tables(persons: Sequence[PersonEntry]) -> Iterator[Table]:
+def _make_truth_tables(persons: abc.Sequence[documents.PersonEntry]) -> abc.Iterator[tables.Table]:
     for title, name in (
         ("Identified beside the tables", "identified_beside_tables"),
         ("Identified with hardly any tables", "identified_freely"),
@@ -62,7 +64,7 @@ def _make_truth_tables(persons: Sequence[PersonEntry]) -> Iterator[Table]:
         yield _tabulate_identified(title, [getattr(person, name) for person in persons])
 
 
-def _tabulate_identified(title: str, entries: Sequence[object]) -> Table:
+def _tabulate_identified(title: str, entries: abc.Sequence[object]) -> tables.Table:
     rows = []
     for said, before, after in (
         ("held-out residual", "residual_before", "residual_after"),
@@ -70,23 +72,25 @@ def _tabulate_identified(title: str, entries: Sequence[object]) -> Table:
     ):
         first, second = (np.array([getattr(e, name) for e in entries]) for name in (before, after))
         for label, values in (("before", first), ("after", second)):
-            rows.append(Row(f"{said}, {label}", [f"{100 * m:.3f}" for m in values.mean(axis=0)]))
+            rows.append(tables.Row(f"{said}, {label}", [f"{100 * m:.3f}" for m in values.mean(axis=0)]))
         better = (second < first).sum(axis=0)
-        rows.append(Row(f"{said}, persons better", [f"{k} of {len(entries)}" for k in better]))
-    return Table(caption=f"{title}, against the verdict: means, %", columns=["", *COMPONENTS], rows=rows)
+        rows.append(tables.Row(f"{said}, persons better", [f"{k} of {len(entries)}" for k in better]))
+    return tables.Table(
+        caption=f"{title}, against the verdict: means, %", columns=["", *COMPONENTS], rows=rows
+    )
 
 
-def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
+def _tabulate_real(recordings: abc.Sequence[documents.PropagatedEntry]) -> list[tables.Table]:
     return [
-        Table(
+        tables.Table(
             caption=f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} "
             "frames",
             columns=["", *COMPONENTS],
             rows=[
-                Row("residual dr, %", _format_percent(recording.dr)),
-                Row("uncertainty, %", _format_percent(recording.total)),
-                Row("slope per cm", [f"{v:.4f}" for v in recording.slopes_per_cm]),
-                Row("R2", [f"{v:.3f}" for v in recording.r2]),
+                tables.Row("residual dr, %", _format_percent(recording.dr)),
+                tables.Row("uncertainty, %", _format_percent(recording.total)),
+                tables.Row("slope per cm", [f"{v:.4f}" for v in recording.slopes_per_cm]),
+                tables.Row("R2", [f"{v:.3f}" for v in recording.r2]),
             ],
             note=recording.verdict,
         )
@@ -94,20 +98,21 @@ def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
     ]
 
 
-def _make_source_tables(person: PersonEntry) -> Iterator[Table]:
-    yield Table(
+def _make_source_tables(person: documents.PersonEntry) -> abc.Iterator[tables.Table]:
+    yield tables.Table(
         caption=f"Markers that carry most of the uncertainty, {person.name}: % of the variance",
         columns=["marker", "own error, mm", *COMPONENTS],
         rows=[
-            Row(m.marker, [f"{m.sd_mm:.1f}", *(f"{100 * s:.1f}" for s in m.shares)]) for m in person.markers
+            tables.Row(m.marker, [f"{m.sd_mm:.1f}", *(f"{100 * s:.1f}" for s in m.shares)])
+            for m in person.markers
         ],
         note="A segment's common error is divided among its markers.",
     )
-    yield Table(
+    yield tables.Table(
         caption=f"Windows worth calibrating with, the best first, {person.name}",
         columns=["window, s", "information, nats", "force SD, % of weight"],
         rows=[
-            Row(f"{w.start_s:.1f} to {w.stop_s:.1f}", [f"{w.gain:.2f}", f"{100 * w.uncertainty:.2f}"])
+            tables.Row(f"{w.start_s:.1f} to {w.stop_s:.1f}", [f"{w.gain:.2f}", f"{100 * w.uncertainty:.2f}"])
             for w in person.windows
         ],
         note=f"Together {100 * person.windows_share:.0f} % of what the whole recording tells of the inertia.",

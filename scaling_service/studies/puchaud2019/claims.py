@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import abc
 from functools import partial
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.document import CurveEntry, FriedmanEntry
+from scaling_service.capabilities.cohort import result as cohorts
 from scaling_service.studies import claims
-from scaling_service.studies.puchaud2019 import document
+from scaling_service.studies.puchaud2019 import result as documents
 
 _SMALL_DEG = 2.5  # "about -2 to 2 deg" (section 3.1), rounded to whole degrees
 _FITTING = ("MB_lam", "MB_am", "EB_am")
 _LEGS = ("femur_r", "femur_l", "shank_r", "shank_l")
 _ERROR = ("kinematic_error_mm", "calibration")
 
-CLAIMS: list[claims.Claim[document.Puchaud2019Document]] = []
+CLAIMS: list[claims.Claim[documents.Puchaud2019Document]] = []
 """In the order of the paper's results."""
 
 _claim = partial(claims.claim, CLAIMS)
 
 
-def _test(study: document.Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry:
+def _test(study: documents.Puchaud2019Document, kind: str, quantity: str) -> cohorts.FriedmanEntry:
     found = study.statistics.quantity(kind, quantity)
     if found.friedman is None:
         raise ValueError(f"{kind} {quantity} was not compared: {found.note}")
@@ -33,15 +33,15 @@ def _format_p(value: float) -> str:
     return "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
-def _average_difference(test: FriedmanEntry, method: str, reference: str) -> float:
+def _average_difference(test: cohorts.FriedmanEntry, method: str, reference: str) -> float:
     """Mean of the method minus the reference."""
     pair = test.pair(method, reference)
     return pair.difference_mean if pair.methods[1] == reference else -pair.difference_mean
 
 
 @_claim("table 2", "Segment lengths differ between the models", "p < 0.05, inter-hip and shanks p < 0.001")
-def _lengths_differ(study: document.Puchaud2019Document) -> claims.Answer:
-    tests = {name: _test(study, "segment_lengths_mm", name) for name in document.LENGTHS}
+def lengths_differ(study: documents.Puchaud2019Document) -> claims.Answer:
+    tests = {name: _test(study, "segment_lengths_mm", name) for name in documents.LENGTHS}
     return claims.Answer(
         all(t.significant for t in tests.values()),
         ", ".join(f"{name} {_format_p(t.p)}" for name, t in tests.items()),
@@ -49,7 +49,7 @@ def _lengths_differ(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 def _compare_with_image(
-    study: document.Puchaud2019Document, method: str, names: Iterable[str], *, differ: bool
+    study: documents.Puchaud2019Document, method: str, names: abc.Iterable[str], *, differ: bool
 ) -> claims.Answer:
     """Whether a method's lengths all differ, or all do not differ, from EB's."""
     tests = {name: _test(study, "segment_lengths_mm", name) for name in names}
@@ -69,7 +69,7 @@ def _compare_with_image(
     "Femurs and shanks of MB_lam differ from those of EB",
     "femur +8.4 ± 12.5 and +5.1 ± 13.3 mm, shank +15.8 and +16.4 mm",
 )
-def _optimised_legs_differ(study: document.Puchaud2019Document) -> claims.Answer:
+def optimised_legs_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     return _compare_with_image(study, "MB_lam", _LEGS, differ=True)
 
 
@@ -78,7 +78,7 @@ def _optimised_legs_differ(study: document.Puchaud2019Document) -> claims.Answer
     "Femurs and shanks of MB do not differ from those of EB",
     "femur +4.0 ± 13.8 and +0.9 ± 16.3 mm, shank +3.9 and +3.8 mm",
 )
-def _scaled_legs_alike(study: document.Puchaud2019Document) -> claims.Answer:
+def scaled_legs_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _compare_with_image(study, "MB", _LEGS, differ=False)
 
 
@@ -87,7 +87,7 @@ def _scaled_legs_alike(study: document.Puchaud2019Document) -> claims.Answer:
     "The inter-hip distance of MB and MB_lam does not differ from that of EB",
     "MB -10.8 ± 19.9, MB_lam +4.0 ± 18.5 mm",
 )
-def _inter_hip_alike(study: document.Puchaud2019Document) -> claims.Answer:
+def inter_hip_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     both = {m: _compare_with_image(study, m, ("inter_hip",), differ=False) for m in ("MB", "MB_lam")}
     return claims.Answer(
         all(answer.holds for answer in both.values()), "; ".join(f"{m} {a.figures}" for m, a in both.items())
@@ -95,7 +95,7 @@ def _inter_hip_alike(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("4.1", "Femur lengths of MB lie nearer to EB than those of MB_lam", "see above")
-def _femurs_nearer(study: document.Puchaud2019Document) -> claims.Answer:
+def femurs_nearer(study: documents.Puchaud2019Document) -> claims.Answer:
     means = [study.statistics.quantity("segment_lengths_mm", f"femur_{side}").mean for side in "rl"]
     gaps = {method: [mean[method] - mean["EB"] for mean in means] for method in ("MB", "MB_lam")}
     size = {method: float(np.mean(np.abs(gap))) for method, gap in gaps.items()}
@@ -106,8 +106,8 @@ def _femurs_nearer(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("3.1", "Knee axes turn by about -2 to 2 deg on average", "table 3: at most 2.1 deg")
-def _axes_turn_little(study: document.Puchaud2019Document) -> claims.Answer:
-    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in document.AXES]
+def axes_turn_little(study: documents.Puchaud2019Document) -> claims.Answer:
+    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in documents.AXES]
     means = {method: [mean[method] for mean in found] for method in _FITTING}
     return claims.Answer(
         max(abs(v) for row in means.values() for v in row) <= _SMALL_DEG,
@@ -116,8 +116,8 @@ def _axes_turn_little(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("3.1", "Knee axes of MB_lam scatter most", "SD 3.2-4.1 against 1.8-2.7 deg")
-def _axes_scatter(study: document.Puchaud2019Document) -> claims.Answer:
-    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in document.AXES]
+def axes_scatter(study: documents.Puchaud2019Document) -> claims.Answer:
+    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in documents.AXES]
     spread = {method: float(np.mean([sd[method] for sd in found])) for method in _FITTING}
     return claims.Answer(
         max(spread, key=spread.__getitem__) == "MB_lam",
@@ -126,7 +126,7 @@ def _axes_scatter(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("3.1", "Markers shift least in MB_lam and most in MB_am", "5.6, 6.3 (EB_am), 12.3 mm")
-def _shifts(study: document.Puchaud2019Document) -> claims.Answer:
+def shifts(study: documents.Puchaud2019Document) -> claims.Answer:
     found = study.statistics.quantity("marker_shift_mm", "mean_over_markers")
     order = sorted(found.mean, key=found.mean.__getitem__)
     return claims.Answer(
@@ -136,10 +136,10 @@ def _shifts(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("3.2", "MB has the largest kinematic error, larger than all others", "27.4 ± 3.7 mm")
-def _largest_error(study: document.Puchaud2019Document) -> claims.Answer:
+def largest_error(study: documents.Puchaud2019Document) -> claims.Answer:
     found, test = study.statistics.quantity(*_ERROR), _test(study, *_ERROR)
-    pairs = {m: test.pair(m, "MB") for m in document.METHODS if m != "MB"}
-    means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in document.METHODS)
+    pairs = {m: test.pair(m, "MB") for m in documents.METHODS if m != "MB"}
+    means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in documents.METHODS)
     return claims.Answer(
         max(found.mean, key=found.mean.__getitem__) == "MB" and all(p.significant for p in pairs.values()),
         f"{means} mm; MB against " + ", ".join(f"{m} {_format_p(p.p)}" for m, p in pairs.items()),
@@ -147,15 +147,15 @@ def _largest_error(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("figure 5", "Kinematic errors rank MB > MB_lam > EB > MB_am > EB_am", "27.4, 11.0, 8.9, 6.5, 5.4 mm")
-def _error_order(study: document.Puchaud2019Document) -> claims.Answer:
+def error_order(study: documents.Puchaud2019Document) -> claims.Answer:
     mean = study.statistics.quantity(*_ERROR).mean
-    order = sorted(document.METHODS, key=mean.__getitem__, reverse=True)
+    order = sorted(documents.METHODS, key=mean.__getitem__, reverse=True)
     said = " > ".join(f"{m} {mean[m]:.1f}" for m in order)
     return claims.Answer(order == ["MB", "MB_lam", "EB", "MB_am", "EB_am"], f"{said} mm")
 
 
 def _errors_differ(
-    study: document.Puchaud2019Document, method: str, others: Sequence[str], *, differ: bool
+    study: documents.Puchaud2019Document, method: str, others: abc.Sequence[str], *, differ: bool
 ) -> claims.Answer:
     """Whether the kinematic error of a model differs from those of others, or from none of them."""
     test = _test(study, *_ERROR)
@@ -172,7 +172,7 @@ def _errors_differ(
 @_claim(
     "3.2", "The kinematic error of EB_am is lower than that of MB_lam and EB", "5.4 against 11.0 and 8.9 mm"
 )
-def _imaged_and_fitted_differs(study: document.Puchaud2019Document) -> claims.Answer:
+def imaged_and_fitted_differs(study: documents.Puchaud2019Document) -> claims.Answer:
     return _errors_differ(study, "EB_am", ("MB_lam", "EB"), differ=True)
 
 
@@ -181,12 +181,12 @@ def _imaged_and_fitted_differs(study: document.Puchaud2019Document) -> claims.An
     "The kinematic error of MB_am does not differ from that of EB and EB_am",
     "6.5 against 8.9 and 5.4 mm",
 )
-def _fitted_is_alike(study: document.Puchaud2019Document) -> claims.Answer:
+def fitted_is_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _errors_differ(study, "MB_am", ("EB", "EB_am"), differ=False)
 
 
 def _angles_differ(
-    study: document.Puchaud2019Document, joint: str, methods: Sequence[str], *, differ: bool
+    study: documents.Puchaud2019Document, joint: str, methods: abc.Sequence[str], *, differ: bool
 ) -> claims.Answer:
     """Whether a joint's angles differ from those of EB_am somewhere in the cycle, on both sides."""
     found = {
@@ -203,7 +203,7 @@ def _angles_differ(
     )
 
 
-def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
+def _curves_differ(curve: cohorts.CurveEntry, method: str) -> tuple[bool | None, str]:
     """Whether a method's curves differ from EB_am's, None where too few subjects walked; and words for it."""
     anova = curve.anova
     if anova is None:
@@ -223,7 +223,7 @@ def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
     "Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait",
     "6 subjects, 12 cycles: significant on both sides",
 )
-def _hips_differ(study: document.Puchaud2019Document) -> claims.Answer:
+def hips_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "hip_flexion", ("MB", "MB_lam", "EB"), differ=True)
 
 
@@ -232,7 +232,7 @@ def _hips_differ(study: document.Puchaud2019Document) -> claims.Answer:
     "Knee flexion of EB differs from that of EB_am in gait",
     "6 subjects, 12 cycles: significant on both sides",
 )
-def _knees_differ(study: document.Puchaud2019Document) -> claims.Answer:
+def knees_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "knee_angle", ("EB",), differ=True)
 
 
@@ -241,7 +241,7 @@ def _knees_differ(study: document.Puchaud2019Document) -> claims.Answer:
     "Hip flexion of MB_am does not differ from that of EB_am in gait",
     "6 subjects, 12 cycles: not significant",
 )
-def _hips_alike(study: document.Puchaud2019Document) -> claims.Answer:
+def hips_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "hip_flexion", ("MB_am",), differ=False)
 
 
@@ -250,12 +250,12 @@ def _hips_alike(study: document.Puchaud2019Document) -> claims.Answer:
     "Knee flexion of MB_am does not differ from that of EB_am in gait",
     "6 subjects, 12 cycles: not significant",
 )
-def _knees_alike(study: document.Puchaud2019Document) -> claims.Answer:
+def knees_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "knee_angle", ("MB_am",), differ=False)
 
 
 @_claim("5", "Of the marker-based models, MB_am gives the joint angles nearest to EB_am", "stated in words")
-def _most_consistent(study: document.Puchaud2019Document) -> claims.Answer:
+def most_consistent(study: documents.Puchaud2019Document) -> claims.Answer:
     """By the RMS over the cycle and both sides of the mean difference, hip and knee flexion."""
     curves = [
         study.statistics.curve(f"{joint}_{side}").mean_deg
@@ -273,6 +273,6 @@ def _most_consistent(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 @_claim("4.4", "A subject is scaled in less than four minutes", "< 4 min, 100 frames")
-def _quick(study: document.Puchaud2019Document) -> claims.Answer:
+def quick(study: documents.Puchaud2019Document) -> claims.Answer:
     slowest = study.slowest_subject_s
     return claims.Answer(slowest < 240.0, f"slowest subject {slowest:.1f} s, all five models")

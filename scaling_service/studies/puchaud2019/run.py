@@ -9,16 +9,16 @@ its markers.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from scaling_service.capabilities.cohort import summary as cohort_summary
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.outcomes import Done, run_members
 from scaling_service.capabilities.cohort.run import Watcher
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
-from scaling_service.capabilities.cohort.summary import SubjectSummary, Truth, summarise
-from scaling_service.capabilities.scaling.methods.placement import move_markers, with_centre
+from scaling_service.capabilities.scaling.methods import placement
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
@@ -26,20 +26,11 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.core.threads import count_cores
 from scaling_service.documents.writing import code_version
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model import body
 from scaling_service.model.builtin import load_generic_person
-from scaling_service.studies.claims import answer_claims, draw_person_seeds
+from scaling_service.studies import claims
+from scaling_service.studies.puchaud2019 import result as documents
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.document import (
-    METHODS,
-    Puchaud2019Document,
-    compare_errors,
-    compare_knee_axes,
-    compare_length_differences,
-    compare_lengths,
-    compare_marker_shifts,
-    read_paper,
-)
 from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.subject import VirtualSettings
 
@@ -69,7 +60,7 @@ Generic = Literal["custom", "mean"]
 
 _STATURE_M = 1.80
 
-_MARKERS: Mapping[str, Vector] = {
+_MARKERS: abc.Mapping[str, body.Vector] = {
     "ASIS": (0.0, 0.0, 0.140),
     "PSIS": (-0.1703, 0.0, 0.040),
     "LFE": (-0.0206, -0.467, 0.073),
@@ -83,7 +74,10 @@ _MARKERS: Mapping[str, Vector] = {
 }
 """Right side in the segment's frame, m: mid-ASIS, hip centre, knee centre."""
 
-_CENTRES: Mapping[str, Vector] = {"femur": (-0.0843, -0.0651, 0.080), "tibia": (-0.025, -0.455, 0.010)}
+_CENTRES: abc.Mapping[str, body.Vector] = {
+    "femur": (-0.0843, -0.0651, 0.080),
+    "tibia": (-0.025, -0.455, 0.010),
+}
 """Of the right hip in the pelvis and the right knee in the thigh, m."""
 
 
@@ -96,7 +90,7 @@ class VirtualPerson:
 
     seed: int
     settings: VirtualSettings = field(default_factory=VirtualSettings)
-    groups: Mapping[str, str] = field(default_factory=dict)
+    groups: abc.Mapping[str, str] = field(default_factory=dict)
     images: bool = False
     generic: Generic = "mean"
 
@@ -110,16 +104,16 @@ class VirtualPerson:
         """There is no file."""
         return self.name
 
-    def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
+    def work(self, methods: abc.Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
         """Record the person, and scale."""
         session, person = make_demo_session(self.seed, self.settings, images=self.images)
         if self.generic == "custom":
             session = replace(session, model=make_custom_legs(session.model))
         results = run(Loaded(session=session), methods, settings, progress=progress)
-        return Done(summarise(results, Truth(person.model, person.motions)))
+        return Done(cohort_summary.summarise(results, cohort_summary.Truth(person.model, person.motions)))
 
 
-def make_custom_legs(mean: BodyModel) -> BodyModel:
+def make_custom_legs(mean: body.BodyModel) -> body.BodyModel:
     """The built-in ``lower_limb_14dof`` with joint centres and markers where CusToM's legs have them."""
     k = load_generic_person(mean.name).height_m / _STATURE_M
     local = {
@@ -127,14 +121,14 @@ def make_custom_legs(mean: BodyModel) -> BodyModel:
         for name, place in _MARKERS.items()
         for letter, side in (("R", 1.0), ("L", -1.0))
     }
-    model = move_markers(mean, local)
+    model = placement.move_markers(mean, local)
     for segment, place in _CENTRES.items():
         for letter, side in (("r", 1.0), ("l", -1.0)):
-            model = with_centre(model, f"{segment}_{letter}", _mirror_side(place, k, side))
+            model = placement.with_centre(model, f"{segment}_{letter}", _mirror_side(place, k, side))
     return replace(model, name=f"{mean.name}, as CusToM")
 
 
-def _mirror_side(place: Vector, k: float, side: float) -> Vector:
+def _mirror_side(place: body.Vector, k: float, side: float) -> body.Vector:
     x, y, z = place
     return (k * x, k * y, k * side * z)
 
@@ -146,7 +140,7 @@ def reproduce_puchaud2019(
     generic: Generic = "mean",
     worker_count: int | None = None,
     watcher: Watcher | None = None,
-) -> Puchaud2019Document:
+) -> documents.Puchaud2019Document:
     """Scale virtual persons by the five methods of Puchaud et al. 2019, and ask what the paper claims.
 
     ``settings``: its seed decides who the persons are. ``subjects``: more than the six whose gait is also
@@ -164,14 +158,18 @@ def reproduce_puchaud2019(
     )  # as the paper
     people = [
         VirtualPerson(seed=seed, images=True, generic=generic)
-        for seed in draw_person_seeds(settings.seed, count)
+        for seed in claims.draw_person_seeds(settings.seed, count)
     ]
     processes = min(worker_count or count_cores(), count)
     if watcher is not None:
         watcher.start(count, processes)
     with workers(processes, None if watcher is None else watcher.stage) as executor:
         outcomes = run_members(
-            people, executor, METHODS, settings, finished=None if watcher is None else watcher.finish
+            people,
+            executor,
+            documents.METHODS,
+            settings,
+            finished=None if watcher is None else watcher.finish,
         )
     slowest = max(outcome.wall_s for outcome in outcomes)
     # A study with a person missing is another study
@@ -192,38 +190,38 @@ def reproduce_puchaud2019(
 
 
 def build_document(
-    summaries: Sequence[SubjectSummary],
+    summaries: abc.Sequence[cohort_summary.SubjectSummary],
     settings: Settings,
     *,
     generic: Generic = "mean",
     slowest_s: float,
     started: float,
-) -> Puchaud2019Document:
+) -> documents.Puchaud2019Document:
     """Compare the methods over all persons and over the walkers alone, and ask what the paper claims.
 
     ``slowest_s``: the most time that one person's models took. ``started``: by ``time.perf_counter``.
     """
     everybody, walkers = (
-        compute_cohort_statistics(some, METHODS, seed=settings.seed)
+        compute_cohort_statistics(some, documents.METHODS, seed=settings.seed)
         for some in (summaries, summaries[:WALKERS])
     )
-    document = Puchaud2019Document(
-        source=" ".join(read_paper()["source"].split()),
+    document = documents.Puchaud2019Document(
+        source=" ".join(documents.read_paper()["source"].split()),
         code_version=code_version(),
         settings={**settings.resolved(), "generic": generic},
         seed=settings.seed,
         subjects=[summary.subject for summary in summaries],
         walkers=[summary.subject for summary in summaries[:WALKERS]],
-        segment_lengths_mm=compare_lengths(everybody),
-        knee_axis_deg=compare_knee_axes(everybody),
-        kinematic_error_mm=compare_errors(everybody),
-        literature_error_mm=dict(read_paper()["literature_error_mm"]),
-        length_difference_mm=compare_length_differences(everybody),
-        marker_shift_mm=compare_marker_shifts(everybody),
+        segment_lengths_mm=documents.compare_lengths(everybody),
+        knee_axis_deg=documents.compare_knee_axes(everybody),
+        kinematic_error_mm=documents.compare_errors(everybody),
+        literature_error_mm=dict(documents.read_paper()["literature_error_mm"]),
+        length_difference_mm=documents.compare_length_differences(everybody),
+        marker_shift_mm=documents.compare_marker_shifts(everybody),
         notes=list(DIFFERENCES),
         statistics=everybody,
         walkers_statistics=walkers,
         slowest_subject_s=round(slowest_s, 3),
         wall_s=round(time.perf_counter() - started, 3),
     )
-    return answer_claims(document, CLAIMS)
+    return claims.answer_claims(document, CLAIMS)

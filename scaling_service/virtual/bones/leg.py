@@ -163,6 +163,12 @@ def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
     r, mm = shape.shaft_radius, 1e-3 * w
     half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
     half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
+    # Neck and trochanters
+    base, head = _find_neck_base(shape), shape.head_radius
+    corners = [_place_beside(base, at, w) for at in ((4, -13, 12.5), (-20, -7, 12.5), (-16, 28, 11))]
+    # The groove of the kneecap in front and the notch between the condyles
+    groove = [_place_beside(knee, at, w) for at in ((52, 40, 2), (57, 14, 2), (50, -14, 1), (30, -31, 0))]
+    notch = [_place_beside(knee, at, w) for at in ((-34, -4, 0), (-12, -16, 0), (6, -24, 0))]
     parts = [
         shapes.Part(
             shapes.make_shaft(
@@ -175,13 +181,16 @@ def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
                 rounding=10e-3,
             )
         ),
-        *_build_upper_end(shape, w),
+        shapes.Part(shapes.make_plate(np.array(corners), 11.5e-3 * w), 9e-3),
+        shapes.Part(shapes.make_ball(_place_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
+        shapes.Part(shapes.make_rod(0.25 * base, base, 0.62 * head, 0.72 * head), 7e-3),
         shapes.Part(_build_condyles(shape, knee, axis, w), 6e-3),
         *(
             _build_epicondyle(tips[name], sign * axis, knee, w)
             for name, sign in (("MFE", -1.0), ("LFE", 1.0))
         ),
-        *_build_hollows(knee, w),
+        shapes.Part(shapes.make_chain(groove, [13e-3 * w, 13e-3 * w, 12e-3 * w, 10e-3 * w]), 5e-3, "cut"),
+        shapes.Part(shapes.make_chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
         shapes.Part(shapes.make_ball(np.zeros(3), shape.head_radius), 3e-3),
     ]
     return Femur(shapes.join_parts(parts), (medial, lateral), tips)
@@ -200,17 +209,6 @@ def _find_neck_base(shape: LegShape) -> Array:
     return np.array(
         [-out * np.sin(shape.anteversion), -reach * np.cos(down), out * np.cos(shape.anteversion)]
     )
-
-
-def _build_upper_end(shape: LegShape, w: float) -> list[shapes.Part]:
-    """Neck and trochanters."""
-    base, r = _find_neck_base(shape), shape.head_radius
-    corners = [_place_beside(base, at, w) for at in ((4, -13, 12.5), (-20, -7, 12.5), (-16, 28, 11))]
-    return [
-        shapes.Part(shapes.make_plate(np.array(corners), 11.5e-3 * w), 9e-3),
-        shapes.Part(shapes.make_ball(_place_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
-        shapes.Part(shapes.make_rod(0.25 * base, base, 0.62 * r, 0.72 * r), 7e-3),
-    ]
 
 
 def _build_condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> shapes.Shape:
@@ -242,16 +240,6 @@ def _build_epicondyle(tip: Array, outward: Array, knee: Array, w: float) -> shap
     centre = tip - radius * outward
     inner = np.array([0.012 * w, knee[1] + 0.024 * w, 0.6 * centre[2]])
     return shapes.Part(shapes.make_rod(centre, inner, radius, 1.4 * radius), 4e-3)
-
-
-def _build_hollows(knee: Array, w: float) -> list[shapes.Part]:
-    """The groove of the kneecap in front and the notch between the condyles."""
-    groove = [_place_beside(knee, at, w) for at in ((52, 40, 2), (57, 14, 2), (50, -14, 1), (30, -31, 0))]
-    notch = [_place_beside(knee, at, w) for at in ((-34, -4, 0), (-12, -16, 0), (6, -24, 0))]
-    return [
-        shapes.Part(shapes.make_chain(groove, [13e-3 * w, 13e-3 * w, 12e-3 * w, 10e-3 * w]), 5e-3, "cut"),
-        shapes.Part(shapes.make_chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
-    ]
 
 
 def _place_beside(point: Array, by_mm: ArrayLike, w: float) -> Array:

@@ -184,7 +184,16 @@ def make_virtual_bones(
     meshes: dict[str, tuple[Array, Faces]] = {}
     landmarks: dict[str, tuple[str, Array]] = {}
     report("pelvis")
-    meshes["pelvis"] = _build_pelvis(person, shapes, landmarks)
+    # Both hip bones, mirror images of each other as the model's pelvis is
+    hip = np.array(find_joint_centres(person.model)["hip_r"][1])
+    socket = max(shape.head_radius for shape in shapes.values()) + leg.SOCKET_GAP_M
+    asis = _find_skin_place(person, "RASIS") - [_measure_depth("ASIS"), 0.0, 0.0]
+    psis = np.add(_find_skin_place(person, "RPSIS"), [_measure_depth("PSIS"), 0.0, 0.0])
+    pelvis = build_hip_bone(hip, socket, asis, psis)
+    for name, at in pelvis.landmarks.items():
+        landmarks |= {f"R{name}": ("pelvis", at), f"L{name}": ("pelvis", at * _LEFT)}
+    right = contour_shape(pelvis.solid, STEP_M)
+    meshes["pelvis"] = _join_surfaces(right, _of_side(right, "l"))
     for side in _SIDES:
         for bone, mesh in _build_leg(person, shapes[side], side, landmarks, report):
             meshes[f"{bone}_{side}"] = mesh
@@ -199,23 +208,6 @@ def make_leg_shapes(person: subject.VirtualSubject) -> dict[leg.Side, leg.LegSha
     usual = float(np.hypot(subject.FEMUR[0] * sd, subject.FEMUR[1]))
     length = (own - subject.FEMUR[0] * mean) / usual
     return {side: leg.make_leg_shape(person.seed, side, person.sex, length) for side in _SIDES}
-
-
-def _build_pelvis(
-    person: subject.VirtualSubject,
-    shapes: Mapping[leg.Side, leg.LegShape],
-    landmarks: dict[str, tuple[str, Array]],
-) -> tuple[Array, Faces]:
-    """Both hip bones, mirror images of each other as the model's pelvis is."""
-    hip = np.array(find_joint_centres(person.model)["hip_r"][1])
-    socket = max(shape.head_radius for shape in shapes.values()) + leg.SOCKET_GAP_M
-    asis = _find_skin_place(person, "RASIS") - [_measure_depth("ASIS"), 0.0, 0.0]
-    psis = np.add(_find_skin_place(person, "RPSIS"), [_measure_depth("PSIS"), 0.0, 0.0])
-    bone = build_hip_bone(hip, socket, asis, psis)
-    for name, at in bone.landmarks.items():
-        landmarks |= {f"R{name}": ("pelvis", at), f"L{name}": ("pelvis", at * _LEFT)}
-    right = contour_shape(bone.solid, STEP_M)
-    return _join_surfaces(right, _of_side(right, "l"))
 
 
 def _build_leg(
@@ -233,7 +225,16 @@ def _build_leg(
     thigh = leg.build_femur(shape, lengths[f"femur_{side}"], axis)
     knee = np.array([0.0, lengths[f"femur_{side}"], 0.0])
     medial, lateral = (centre + knee for centre in thigh.condyles)
-    shank = leg.build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), _find_places(person, side))
+    # Under the skin of malleoli and fibula's head, as of a right leg
+    outward = np.array([0.0, 0.0, 1.0])
+    worn = [_find_skin_place(person, f"{letter}{name}") for name in ("LM", "MM", "FH")]
+    outer, inner, head = worn if side == "r" else (at * _LEFT for at in worn)
+    places = leg.Places(
+        outer - _measure_depth("LM") * outward,
+        inner + _measure_depth("MM") * outward,
+        head - _measure_depth("FH") * outward,
+    )
+    shank = leg.build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), places)
     for segment, found in ((f"femur_{side}", thigh.landmarks), (f"tibia_{side}", shank.landmarks)):
         landmarks |= {
             f"{letter}{name}": (segment, at if side == "r" else at * _LEFT) for name, at in found.items()
@@ -243,22 +244,6 @@ def _build_leg(
     report(f"tibia_{side}")
     both = _join_surfaces(contour_shape(shank.tibia, STEP_M), contour_shape(shank.fibula, STEP_M))
     yield "tibia", _of_side(both, side)
-
-
-def _find_places(person: subject.VirtualSubject, side: leg.Side) -> leg.Places:
-    """Under the skin of malleoli and fibula's head, as of a right leg."""
-    outward = np.array([0.0, 0.0, 1.0])
-    lateral, medial, head = (_take_right(person, side, name) for name in ("LM", "MM", "FH"))
-    return leg.Places(
-        lateral - _measure_depth("LM") * outward,
-        medial + _measure_depth("MM") * outward,
-        head - _measure_depth("FH") * outward,
-    )
-
-
-def _take_right(person: subject.VirtualSubject, side: leg.Side, name: str) -> Array:
-    at = _find_skin_place(person, f"{side.upper()}{name}")
-    return at if side == "r" else at * _LEFT
 
 
 def _find_skin_place(person: subject.VirtualSubject, marker: str) -> Array:

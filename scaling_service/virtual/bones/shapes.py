@@ -214,6 +214,8 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
     ``step`` (m): of the grid; edges are about as long. Returns ``vertices`` ((n, 3), m); ``faces`` ((m, 3)):
     closed, corners counter-clockwise seen from outside.
     """
+    import pyvista  # only here: it takes half a second, which who makes no bones should not wait
+
     low = shape.low - 2.0 * step
     size = np.ceil((shape.high - low) / step).astype(int) + 3
     # Distances at all grid points, x fastest, in steps; none nearly zero.
@@ -224,32 +226,24 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
         points = low + step * np.column_stack([x.ravel(), y.ravel(), z.ravel()])
         field[block] = shape.distance(points).reshape(x.shape) / step
     field = np.where(np.abs(field) < _LEAST, np.copysign(_LEAST, field), field)
-    vertices, faces = _contour_field(np.asarray(field.ravel()), size)
-    vertices = low + step * vertices
+    # Where the field changes sign: corners (n, 3) in steps, and faces that look towards larger values
+    grid = pyvista.ImageData(dimensions=tuple(int(n) for n in size))
+    found = grid.contour([0.0], scalars=field.ravel(), compute_normals=False, method="flying_edges")
+    faces = np.asarray(found.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
+    vertices = low + step * np.asarray(found.points, dtype=float)
     for _ in range(_PULLS):
         # From each point's foot on the surface to the point, (n, 3), m: distance along slope (Newton).
         order = np.argsort(vertices[:, 1], kind="stable")
         pull = np.empty_like(vertices)
         for chunk in np.array_split(order, max(1, len(order) // 1500)):
-            pull[chunk] = _refine_by_newton(shape, vertices[chunk])
+            points = vertices[chunk]
+            n = len(points)
+            moved = np.concatenate([points, *(points + _STEP_M * axis for axis in np.eye(3))])
+            value = shape.distance(moved)
+            slope = (value[n:].reshape(3, n) - value[:n]).T / _STEP_M
+            square = np.maximum(
+                np.einsum("ij,ij->i", slope, slope), 0.25
+            )  # where slopes meet, half a step is enough
+            pull[chunk] = np.asarray(value[:n, None] * slope / square[:, None])
         vertices = vertices - pull
     return vertices, faces
-
-
-def _contour_field(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
-    """Where a field changes sign: corners (n, 3) in steps, and faces that look towards larger values."""
-    import pyvista  # only here: it takes half a second, which who makes no bones should not wait
-
-    grid = pyvista.ImageData(dimensions=tuple(int(n) for n in size))
-    found = grid.contour([0.0], scalars=field, compute_normals=False, method="flying_edges")
-    faces = np.asarray(found.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
-    return np.asarray(found.points, dtype=float), faces
-
-
-def _refine_by_newton(shape: Shape, points: Array) -> Array:
-    n = len(points)
-    moved = np.concatenate([points, *(points + _STEP_M * axis for axis in np.eye(3))])
-    value = shape.distance(moved)
-    slope = (value[n:].reshape(3, n) - value[:n]).T / _STEP_M
-    square = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)  # where slopes meet, half a step is enough
-    return np.asarray(value[:n, None] * slope / square[:, None])

@@ -14,6 +14,10 @@ from tests.blind.hidden import Effect, Hidden, one, sign
 class SegmentMass(Hidden):
     """``kg``: true minus modelled; the centre of mass stays, the inertia follows in proportion."""
 
+    @property
+    def own_kg(self) -> float:
+        return self.parameters["kg"]
+
     def body(self, body: Body) -> Body:
         segment = body.segment(self.where[0])
         ratio = 1 + self.parameters["kg"] / segment.mass

@@ -130,6 +130,7 @@ class Outcome:
             code=self.code,
             intervals=tuple(self.intervals),
             floor=self.floor,
+            stands=self.stands,
         )
 
     def closed(self) -> float | None:
@@ -142,14 +143,23 @@ class Outcome:
         return (whole["before"] - whole["after"]) / closable if closable > 0 else None
 
     @property
+    def stands(self) -> float | None:
+        """How far the hidden things' places stand above what is ordinary there, where that is known."""
+        here = [d for d in (self.result or {}).get("disagreements", []) if d["where"] in self._places]
+        return max((d["rms"] / d["floor"] for d in here if d["floor"]), default=None)
+
+    @property
+    def _places(self) -> set[str]:
+        return {w for thing in self.hidden for w in (*thing["where"], *thing.get("also_where", []))}
+
+    @property
     def stranger_seen(self) -> bool:
         """Whether nothing was named, and what stands highest above its floor lies at the stranger's place."""
         left = (self.result or {}).get("unexplained", [])
         if self.effects or not left:
             return False
         highest = max(left, key=lambda item: item["rms"] / item["floor"] if item.get("floor") else 0.0)
-        place = {w for thing in self.hidden for w in (*thing["where"], *thing["also_where"])}
-        return bool(place & set(highest.get("where", [])))
+        return bool(self._places & set(highest.get("where", [])))
 
 
 def outcomes(bank: Path, results: Path) -> Iterator[Outcome]:

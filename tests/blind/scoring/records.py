@@ -46,6 +46,8 @@ class Record:
         Of exactly named things: whether each stated 95 % interval holds the truth.
     floor : float, optional
         The markers' floor over what the noise put in leaves.
+    stands : float, optional
+        How far a stranger's places stand above what is ordinary for people there, before anything is named.
     """
 
     id: str
@@ -70,6 +72,7 @@ class Record:
     code: str
     intervals: tuple[bool, ...] = ()
     floor: float | None = None
+    stands: float | None = None
 
     @property
     def right(self) -> bool:

@@ -15,9 +15,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.run import Tracked, ik
+from scaling_service.capabilities.motion.result import Tracked
+from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.files.orientations import read_orientations
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
 from tests.files.rotations_made import write_orientations, write_poses
@@ -302,6 +304,37 @@ def test_sensors_beside_markers_are_mounted_by_them(truth: Truth, shared_data: P
     assert np.isfinite(error[:, legs]).all()  # without sensors nothing is known after the markers are lost
     assert np.sqrt(np.mean(np.square(error[70:, legs]))) < NOISE_DEG
     assert (np.abs(error) < 1.96 * sd)[70:, legs].mean() > COVERED[0]
+
+
+def test_a_world_of_sensors_that_was_reset_between_recordings(
+    truth: Truth, shared_data: Path, tmp_path: Path
+) -> None:
+    """With markers beside them each recording tells its own heading; without, it is the pelvis's alone."""
+    trial, parts = read_trc(shared_data / WALK), {"first": slice(0, 65), "second": slice(65, None)}
+    found = {}
+    for reset_deg in (0.0, 90.0):
+        folder = tmp_path / f"{reset_deg:.0f}"
+        folder.mkdir()
+        files, standing = [], folder
+        for name, rows in parts.items():
+            heading = 70.0 + (reset_deg if name == "second" else 0.0)
+            stood, walking = make_sensors(truth, folder, moment=1.0, heading_deg=heading)
+            standing = stood.rename(folder / "stood.sto") if name == "first" else standing
+            table = read_orientations(walking)
+            held = table.trial.rotations
+            assert held is not None
+            write_orientations(
+                folder / f"{name}.sto", truth.times[rows], list(held.labels), held.matrices[rows]
+            )
+            write_trc(folder / f"{name}.trc", trial.trial.frames(rows), "m")
+            files += [folder / f"{name}.trc", folder / f"{name}.sto"]
+        beside, alone = ik(truth.model, files), ik(truth.model, files[1::2], standing=standing)
+        found[reset_deg] = [each.trials["second"].motion for each in (beside, alone)]
+    (both, alone), (both_reset, alone_reset) = found.values()
+    np.testing.assert_allclose(both_reset.q, both.q, atol=1e-3)
+    joints = [k for k, name in enumerate(alone.coordinates) if not name.startswith("pelvis")]
+    assert len(set(alone.estimated)) > 20
+    np.testing.assert_allclose(alone_reset.q[:, joints], alone.q[:, joints], atol=1e-3)
 
 
 def test_rotations_of_nothing_are_refused(truth: Truth, tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
+from scaling_service.capabilities.dynamics.result import DynamicsResults
+from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.unmeasured import (

@@ -105,7 +105,7 @@ def test_the_calling_process_never_imports_opensim(tmp_path):
         capture_output=True,
         text=True,
         check=True,
-        env=models._make_environment(),
+        env=models.make_environment(),
     )
     assert done.stdout.strip() == "False"
 
@@ -140,6 +140,6 @@ def test_the_worker_loads_only_what_it_uses():
         capture_output=True,
         text=True,
         check=True,
-        env=models._make_environment(),
+        env=models.make_environment(),
     )
     assert done.stdout.strip() == "[]"

@@ -61,6 +61,140 @@ def test_exchanged_labels_are_put_right_by_one_click(visit: Visit, url: str, tmp
     assert "corrections" not in document(url, "exchanged")
 
 
+def test_a_marker_is_left_out_where_it_is_clicked(visit: Visit, url: str, tmp_path: Path) -> None:
+    """In the result: the document has it by the file's own label and clock; the same is asked for again."""
+    with Client(url) as client:
+        subject = put_walker(client, "clicked", tmp_path)
+        job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
+    visitor = visit(url)
+    visitor.go(f"jobs/{job.id}/space?trial=gait_1")
+    name = visitor.page.get_by_role("button", name="RLFE", exact=True)
+    row = visitor.page.get_by_role("row").filter(has=name)
+    name.click()
+    assert "lit" in (row.get_attribute("class") or "")
+    form = visitor.page.get_by_role("form", name="Put V:RKNE right")
+    form.get_by_label("from, s").fill("0.5")
+    form.get_by_label("to, s").fill("0.9")
+    form.get_by_role("button", name="Put it right and run again").click()
+    visitor.page.wait_for_url(lambda address: "/jobs/" in address and job.id not in address)
+    visitor.sees("Kinematic error and what was fitted")
+    (item,) = document(url, "clicked")["corrections"]["gait_1.trc"]
+    assert item == {"labels": {"V:RKNE": None}, "from_s": 0.5, "to_s": 0.9}
+    with Client(url) as client:
+        again = client.result(visitor.page.url.rsplit("/", 1)[-1])
+    said = [note["detail"] for note in again["repairs"]["gait_1"] if note["what"] == "labels_changed"]
+    assert said == ["V:RKNE left out from 0.50 to 0.90 s, as the subject file says"]
+
+
+def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, tmp_path: Path) -> None:
+    """Pointing at the map shows its time and lights its marker in picture and table."""
+    with Client(url) as client:
+        job = client.wait(
+            client.ask("comparisons", subject=put_walker(client, "hovered", tmp_path), methods=["MB"])
+        )
+    visitor = visit(url)
+    visitor.go(f"jobs/{job.id}/space?trial=gait_1")
+    visitor.sees("Worst:")
+    plot = visitor.page.locator("figure .plot")
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    assert box is not None
+    visitor.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
+    visitor.page.mouse.move(box["x"] + box["width"] / 2 + 2, box["y"] + 40)
+    visitor.sees("Pointed at: ")
+    said = visitor.page.locator(".status", has_text="Pointed at: ").inner_text()
+    marker, value = said.removeprefix("Pointed at: ").split(" mm")[0].split(", ")
+    assert int(visitor.page.get_by_label("Frame", exact=True).input_value()) > 0
+    lit = visitor.page.locator("tr.lit")
+    assert lit.inner_text().split()[0] == marker
+    assert lit.inner_text().split()[-1] == value
+    assert visitor.page.locator(".names span:not([hidden])").all_inner_texts() == [marker]
+
+
+def test_a_person_has_one_report(visit: Visit, url: str, tmp_path: Path) -> None:
+    """What ran is in it with its own words, what did not is named; two sessions stand beside each other."""
+    with Client(url) as client:
+        for name in ("before", "after"):
+            subject = put_walker(client, name, tmp_path)
+            job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
+        result = client.result(job)
+    visitor = visit(url)
+    visitor.go("subjects/after/report")
+    visitor.sees(result["verdict"]["headline"].split(":")[0])
+    visitor.sees("The forces were not checked yet.")
+    visitor.sees("No missing effect was looked for yet.")
+    length = result["methods"]["MB"]["segment_lengths_mm"]["femur_r"]
+    row = visitor.page.get_by_role("row", name="femur, right").first
+    assert f"{length:.1f}" in row.inner_text()
+    visitor.page.get_by_label("beside another session").select_option("before")
+    visitor.sees("after beside before")
+    both = visitor.page.get_by_role("row", name="femur, right").last.inner_text().split()
+    assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
+
+
+def test_notes_are_signed_for_the_results_that_are_shown(visit: Visit, url: str, tmp_path: Path) -> None:
+    with Client(url) as client:
+        subject = put_walker(client, "signed", tmp_path)
+        job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
+    visitor = visit(url)
+    visitor.go("subjects/signed/report")
+    visitor.sees("Not signed.")
+    visitor.page.get_by_label("Notes").fill("The left knee slipped.")
+    visitor.page.get_by_label("name", exact=True).fill("A. Smith")
+    visitor.press("Sign notes and results")
+    visitor.sees("Signed by A. Smith on")
+    with Client(url) as client:
+        kept = client._call("GET", "/v1/subjects/signed/note").json()
+        assert kept["results"] == [job.id]
+        raw = {"processing": {"smoothing": "none"}}
+        client.wait(client.ask("comparisons", subject=subject, methods=["MB"], settings=raw))
+    visitor.page.reload()
+    visitor.sees("before these results: they are newer")
+    assert visitor.page.get_by_label("Notes").input_value() == "The left knee slipped."
+
+
+def test_heel_strikes_are_marked_and_cut_strides(visit: Visit, url: str, tmp_path: Path) -> None:
+    with Client(url) as client:
+        subject = put_walker(client, "struck", tmp_path)
+    visitor = imported(visit, url, "struck")
+    visitor.press("3 Laboratory")
+    visitor.page.get_by_label("Recording").select_option("gait_1.trc")
+    for at in (10, 120):
+        slider = visitor.page.get_by_label("Frame", exact=True)
+        slider.fill(str(at))
+        visitor.press("right heel strike")
+        visitor.page.get_by_role(
+            "button", name=f"right heel strike at {at / 100:.2f} s", exact=True
+        ).wait_for()
+    given = document(url, "struck")["events"]["gait_1.trc"]
+    assert given == [{"side": "r", "kind": "strike", "time_s": at} for at in (0.1, 1.2)]
+    with Client(url) as client:
+        result = client.result(client.wait(client.ask("comparisons", subject=subject, methods=["MB"])))
+    (cycle,) = result["methods"]["MB"]["clinical"]["sides"]["r"]["cycles"]
+    assert (cycle["start_s"], cycle["end_s"]) == (0.1, 1.2)
+    visitor.press("As they were found")
+    visitor.sees("None is in the file, and no plate shows one.")
+    assert "events" not in document(url, "struck")
+
+
+def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, tmp_path: Path) -> None:
+    with Client(url) as client:
+        job = client.wait(
+            client.ask("comparisons", subject=put_walker(client, "zoomed", tmp_path), methods=["MB"])
+        )
+    visitor = visit(url)
+    visitor.go(f"jobs/{job.id}/angles?over=gait_1&zoom=gait_1_knee_angle_r_deg~0.5~1")
+    larger = visitor.page.get_by_label("Larger: knee angle, right")
+    larger.wait_for()
+    assert larger.get_attribute("aria-pressed") == "true"
+    plot = visitor.page.locator("figure.large .plot")
+    plot.locator(".xtick").first.wait_for()
+    shown = plot.evaluate("(place) => place._fullLayout.xaxis.range")
+    np.testing.assert_allclose(shown, [0.5, 1.0])
+    larger.click()
+    visitor.page.wait_for_function("() => !location.hash.includes('zoom')")
+
+
 def test_another_model_has_other_markers(visit: Visit, url: str, tmp_path: Path) -> None:
     """What was chosen for the markers of one model is not asked of another; what hinders is told there."""
     with Client(url) as client:

@@ -38,7 +38,7 @@ def test_many_may_start_at_once(tmp_path: Path, database_url: str | None) -> Non
         thread.join()
     assert troubles == []
     with opened[0].read() as connection:
-        assert connection.execute(text("SELECT version_num FROM alembic_version")).all() == [("0004",)]
+        assert connection.execute(text("SELECT version_num FROM alembic_version")).all() == [("0005",)]
     for store in opened:
         store.close()
 

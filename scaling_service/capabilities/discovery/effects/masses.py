@@ -10,7 +10,12 @@ from scaling_service.capabilities.discovery.effects._columns import MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
-from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
+from scaling_service.capabilities.discovery.laws.loads import (
+    Inertial,
+    differentiate_centre,
+    differentiate_load,
+    scale_segment,
+)
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
 from scaling_service.core.arrays import Array
@@ -41,19 +46,13 @@ def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
 
 
 def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
-    """Every segment: a mass at its origin, and first moments that say where it is."""
-    unit, near = np.eye(10), make_nearest_bone_test(scene.model)
+    """Every segment: a mass, and first moments about its origin that say where it is."""
+    near = make_nearest_bone_test(scene.model)
     names = (("kg", 1.0, 0.0), *((f"{axis}_kgmm", 1e3, _MOMENT_KGMM) for axis in LETTERS))
     for segment in scene.heavy:
         columns = tuple(
-            Column(
-                name=name,
-                unit=scale,
-                load=Inertial(segment.name, tuple(unit[k].tolist())),
-                low=-most,
-                high=most,
-            )
-            for k, (name, scale, most) in enumerate(names)
+            Column(name=name, unit=scale, load=Inertial(segment.name, change), low=-most, high=most)
+            for (name, scale, most), change in zip(names, differentiate_load(segment), strict=True)
         )
         yield Candidate(
             kind="carried_load", where=(segment.name,), columns=columns, together=near(segment.name)

@@ -236,6 +236,20 @@ def differentiate_centre(segment: Segment, axis: int) -> tuple[float, ...]:
     return tuple(np.concatenate([[0.0], segment.mass * unit, [tensor[i, j] for i, j in TENSOR]]).tolist())
 
 
+def differentiate_load(segment: Segment) -> list[tuple[float, ...]]:
+    """Change of the ten inertial parameters per mass of a point load, and per first moment of it.
+
+    About the segment's origin. The load's tensor is square in its place; it is that of a load near the
+    segment's centre of mass, c: ``sum of 2 moment spread(c) - mass spread(c, c)``.
+    """
+    com = np.array(segment.com)
+    tensors = (-_spread(com, com), *(2.0 * _spread(com, unit) for unit in np.eye(3)))
+    return [
+        (*first, *(float(tensor[i, j]) for i, j in TENSOR))
+        for first, tensor in zip(np.eye(4).tolist(), tensors, strict=True)
+    ]
+
+
 def _spread(a: Array, b: Array) -> Array:
     """The mixed part of a unit mass' tensor at a + b, halved: ``a.b 1 - (a b' + b a') / 2``."""
     return np.asarray(a @ b * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))

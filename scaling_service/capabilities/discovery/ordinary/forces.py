@@ -10,6 +10,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -299,15 +300,28 @@ class WrenchTable:
         independent = self.weight[any_here].mean(axis=1)
         return freed, 0.5 * float((independent[:, None] * np.log(values)).sum())
 
+    @cached_property
+    def course(self) -> Array:
+        """From the start of every recording, -1, to its end, 1, (n,)."""
+        return np.concatenate([np.linspace(-1.0, 1.0, len(used)) for _, used in self._frames.values()])
+
     def score_roughly(
-        self, none: ForceEvidence, choice: Sequence[Sequence[int]], sds: Sequence[Array]
+        self,
+        none: ForceEvidence,
+        choice: Sequence[Sequence[int]],
+        sds: Sequence[Array],
+        course: Array | None = None,
     ) -> list[Scored]:
-        """Candidates (the numbers of their columns), each by itself, at the levels that hold without any."""
+        """Candidates (the numbers of their columns), each by itself, at the levels that hold without any.
+
+        ``course`` (n,): that they take over the rows, if they are not constant.
+        """
         by_noise = np.sqrt(self.weight) / (self.sd * none.levels)
         known = (self.columns @ none.directions * by_noise[:, :, None]).reshape(-1, none.directions.shape[1])
         gap, found = (self.gap * by_noise).ravel(), []
         inner = np.linalg.inv(np.eye(known.shape[1]) + known.T @ known)
         left = gap - known @ (inner @ (known.T @ gap))
+        by_noise = by_noise if course is None else by_noise * course[:, None]
         for numbers, sd in zip(choice, sds, strict=True):
             own = (self.columns[:, :, list(numbers)] * by_noise[:, :, None]).reshape(-1, len(numbers))
             along = known.T @ own

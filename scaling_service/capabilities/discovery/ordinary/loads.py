@@ -36,6 +36,15 @@ class Loads:
     mass: float  # log Bayes factor of the body's mass
     touched: Sequence[float]  # log Bayes factors of touches, alone or as one of all of the same segment
     named: Sequence[tuple[Estimate, Array]]  # estimated together, with the covariance of their sizes
+    keys: Sequence[str]  # of candidates, as the table numbers them
+
+    def score_drift(self, candidate: Candidate, sd: Array) -> float:
+        """Log Bayes factor of a named candidate's growing from start to end of every recording.
+
+        ``sd``: of what it grows by.
+        """
+        numbers = self.table.numbers[self.keys.index(candidate.key)]
+        return self.table.score_roughly(self.none, [numbers], [sd], self.table.course)[0].bayes
 
     @property
     def square(self) -> float:
@@ -69,7 +78,8 @@ def score_loads(
     touches : callable
         By what is ordinary of each component (6,), those to be weighed.
     """
-    table = WrenchTable(fit, [*(c for c, _ in choice), *(e.candidate for e, _ in named)])
+    every = [*(c for c, _ in choice), *(e.candidate for e, _ in named)]
+    table, keys = WrenchTable(fit, every), [c.key for c in every]
     own = table.numbers[len(choice) :]
     for (effect, _), numbers in zip(named, own, strict=True):
         # the prior is about zero, not about the estimate
@@ -104,4 +114,6 @@ def score_loads(
         rows = slice(at, at + len(own_sd))
         at += len(own_sd)
         estimated.append((Estimate(effect.candidate, together.size[rows]), together.covariance[rows, rows]))
-    return Loads(table=table, none=none, scored=scored, mass=of_mass, touched=of_touch, named=estimated)
+    return Loads(
+        table=table, none=none, scored=scored, mass=of_mass, touched=of_touch, named=estimated, keys=keys
+    )

@@ -193,15 +193,16 @@ def _list_unexplained(
                 floors[component] /= level
                 found.append((math.log(level), (component,), component, ""))
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
-    for one in search.list_standing():
-        c = one.candidate
-        if not told & set(c.where):
-            told |= set(c.where)
-            every = COMPONENTS if c.seen_in == "wrench" else list_shown(c.where, fit)
+    standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
+    standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
+    for c, where, reason in standing:
+        if not told & set(where):
+            told |= set(where)
+            every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
             shown = [p for p in every if p in rms or p in of_forces]
             if shown:
                 most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
-                found.append((0.0, c.where, most, _REFUSED.format(c.kind.replace("_", " "))))
+                found.append((0.0, where, most, reason.format(c.kind.replace("_", " "))))
     made = []
     for _, where, place, law in sorted(found, reverse=True):
         observable = classify_place(place)

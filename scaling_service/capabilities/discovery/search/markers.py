@@ -157,14 +157,11 @@ class BodyTable:
         livelier: dict[str, float] = {}
         ranked = []
         for turn, (odds, k, one) in enumerate(found):
-            candidate, sd, combination = self.candidates[k]
-            told = odds, one
+            of_kind = places[self.candidates[k][0].kind]
             if turn < _AGAIN and odds > _WORTH:
-                anew = self.table.score_learning(combination, sd, candidate.trials)
-                told = anew.bayes - math.log(places[candidate.kind]), anew
-            at = self._list_places(candidate) if told[0] > self.fit.settings.odds else []
-            ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
-            ranked.append(Ranked(told[0] - ordinary, candidate, told[1]))
+                ranked.append(self.weigh(self.candidates[k], of_kind, livelier))
+            else:
+                ranked.append(Ranked(odds, self.candidates[k][0], one))
         scene = self.fit.scene
         of_course = (
             *find_free_motions(scene, self.base, self.left, self.levels),
@@ -181,6 +178,20 @@ class BodyTable:
         L = np.concatenate([combination.expand(len(self.base)) for *_, combination in chosen], axis=1)
         sds = np.concatenate([sd for _, sd, _ in chosen])
         return Leanings(tuple(c for c, *_ in chosen), *self.table.project(L), sds)
+
+    def weigh(
+        self, choice: tuple[Candidate, Array, Combination], places: int, livelier: dict[str, float]
+    ) -> Ranked:
+        """One candidate at one of so many places, levels learnt beside it, against a livelier place there.
+
+        ``livelier``: what is known of that already, by its place.
+        """
+        candidate, sd, combination = choice
+        anew = self.table.score_learning(combination, sd, candidate.trials)
+        odds = anew.bayes - math.log(places)
+        at = self._list_places(candidate) if odds > self.fit.settings.odds else []
+        ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
+        return Ranked(odds - ordinary, candidate, anew)
 
     @cached_property
     def left(self) -> list[tuple[White, Array]]:

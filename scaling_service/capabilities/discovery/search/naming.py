@@ -66,6 +66,15 @@ class Named:
     smallest: Mapping[str, float]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Withdrawn:
+    """What was named and is not what is there: its place, and why."""
+
+    ranked: Ranked
+    reason: str
+    where: tuple[str, ...]
+
+
 @dataclass(slots=True, eq=False, kw_only=True)
 class Naming:
     """What is assumed by now, and how something is named."""
@@ -75,6 +84,7 @@ class Naming:
     steps: Steps
     named: list[Named] = field(default_factory=list)
     refused: set[str] = field(default_factory=set)  # keys
+    withdrawn: dict[str, Withdrawn] = field(default_factory=dict)  # by their keys
     tried: dict[str, Tried] = field(default_factory=dict)
     covariances: dict[str, Array] = field(default_factory=dict)
     leanings: dict[str, Leanings] = field(default_factory=dict)
@@ -209,7 +219,18 @@ class Naming:
     def list_standing(self) -> list[Ranked]:
         """What has the odds and was refused: of a size that nobody meets, or worse on unseen recordings."""
         every = [r for ranked in self.last.values() for r in ranked]
-        return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in self.refused]
+        refused = self.refused - self.withdrawn.keys()
+        return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in refused]
+
+    def _withdraw(self, one: Named, reason: str, where: tuple[str, ...] = ()) -> None:
+        """Take an effect out of what is named; recordings are not tracked anew."""
+        candidate = one.ranked.candidate
+        self.withdrawn[candidate.key] = Withdrawn(one.ranked, reason, where or candidate.where)
+        self._forget(candidate.key)
+
+    def _forget(self, key: str) -> None:
+        self.refused.add(key)
+        self.named = [n for n in self.named if n.ranked.candidate.key != key]
 
     def join_leanings(self, body: BodyTable) -> Leanings:
         """What the recordings say of every effect of the model, named or not; of the body's together."""

@@ -27,16 +27,28 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
     Contact,
     Estimate,
+    Exchange,
     Reweighed,
     Swinging,
 )
-from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, Touch, WrenchTable
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.ordinary.forces import (
+    NOISE,
+    ForceEvidence,
+    Touch,
+    WrenchTable,
+)
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
-from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
+from scaling_service.capabilities.discovery.search.naming import (
+    Named,
+    Naming,
+    is_of_forces,
+    is_of_markers,
+)
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
@@ -45,6 +57,14 @@ from scaling_service.model.inertia import sum_mass
 LOAD, MASS = "carried_load", "segment_mass"
 LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)
 _MOVED = 0.3  # deviations by which sizes must move to be worth tracking anew (chosen)
+
+_LIVELY = 1.645
+"""Deviations by which a marker whose effect was named may be livelier than others of its part: 95 of 100."""
+
+_MANY = 3  # others alike, from which what is there is not told (chosen: a person can check as many)
+LIVELY = "most like {}, which leaves its place livelier than others"
+DRIFTS = "most like {}, but of a size that changes in the course of a recording"
+ONE_OF_MANY = "most like {}, and as much like several others"
 
 _TUNED, _IN_TUNE = 6, 0.005
 """Times that what swings is tuned and tracked anew, and the share of its frequency at which that ends
@@ -112,7 +132,20 @@ class Search(Naming):
                     break
                 # what is there is something else
                 self._take_back(min(unproven, key=lambda n: n.ranked.odds).ranked.candidate.key)
-        return body
+        return self._withdraw_of_body(body)
+
+    def _withdraw_of_body(self, body: BodyTable) -> BodyTable:
+        """Without what leaves its markers livelier than others of their part, or is one of many alike."""
+        lively = body.list_astray(_LIVELY)
+        for one in [n for n in self.named if not isinstance(n.ranked.candidate.change, Exchange)]:
+            if lively & set(one.ranked.candidate.where):
+                self._withdraw(one, LIVELY)
+            elif len(one.equivalents) >= _MANY:
+                self._withdraw(one, ONE_OF_MANY)
+        if not self.withdrawn:
+            return body
+        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key not in self.withdrawn])
+        return self._make_table()
 
     def _make_table(self) -> BodyTable:
         """With all sizes estimated together; tracked once more where they moved."""
@@ -146,8 +179,7 @@ class Search(Naming):
 
     def _take_back(self, key: str) -> None:
         """An effect of the body, for good."""
-        self.refused.add(key)
-        self.named = [n for n in self.named if n.ranked.candidate.key != key]
+        self._forget(key)
         self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key != key])
 
     def _has_moved(self, effect: Estimate, covariance: Array) -> bool:
@@ -216,7 +248,41 @@ class Search(Naming):
             classes = self._tell_classes(ranked, Alike(loads, [c for c, _ in self._list_loads()]))
             if not self._name_first(ranked, self._refit_forces, classes):
                 break
+        return self._withdraw_of_forces(loads)
+
+    def _withdraw_of_forces(self, loads: Loads) -> tuple[WrenchTable, ForceEvidence]:
+        """Without what changes in the course of a recording, or is one of many alike.
+
+        What was named after it was found in what it left, and goes with it.
+        """
+        ours = [n for n in self.named if not is_of_markers(n.ranked.candidate)]
+        for k, one in enumerate(ours):
+            candidate = one.ranked.candidate
+            drifts = is_of_forces(candidate) and self._score_drift(loads, candidate) > self.settings.odds
+            if not drifts and len(one.equivalents) < _MANY:
+                continue
+            self._withdraw(one, DRIFTS if drifts else ONE_OF_MANY, () if drifts else (self._find_most(one),))
+            later = {n.ranked.candidate.key for n in ours[k:]}
+            for key in later:
+                self._forget(key)
+            self.fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key not in later])
+            loads, self.last["wrench"] = self._rank_forces()
+            break
         return loads.table, loads.none
+
+    def _score_drift(self, loads: Loads, candidate: Candidate) -> float:
+        """Log Bayes factor of a named effect that grows in the course of every recording, beside itself."""
+        sd = list_usual_deviations(candidate, self.fit.model)
+        assert sd is not None
+        return loads.score_drift(candidate, sd)
+
+    def _find_most(self, one: Named) -> str:
+        """The component of the wrench that an effect changes most, in what is ordinary of each."""
+        candidate = one.ranked.candidate
+        fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key != candidate.key])
+        trials = [item.name for item in fit.wrenches if candidate.holds_in(item.name)]
+        before, after = (rms_by_place(f, trials, forces=True) for f in (fit, self.fit))
+        return max(before, key=lambda c: (before[c] ** 2 - after[c] ** 2) / NOISE[COMPONENTS.index(c)] ** 2)
 
     def _list_loads(self) -> list[tuple[Candidate, Array]]:
         pairs = [

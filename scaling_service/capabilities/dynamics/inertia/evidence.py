@@ -13,7 +13,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_mechanism
-from scaling_service.numerics.wrench import compute_regressor_blocks, move_moment
+from scaling_service.numerics import wrench
 
 N_COMPONENTS = 6
 
@@ -62,10 +62,12 @@ def gather_evidence(model: BodyModel, recording: ForceRecording) -> WrenchEquati
     dynamics, used = recording.dynamics, recording.used
     mechanism = compile_mechanism(model)
     prior = mechanism.inertias.parameters().ravel()
-    measured = move_moment(dynamics.external.T, dynamics.root.T).T
+    measured = wrench.move_moment(dynamics.external.T, dynamics.root.T).T
     curvature, slope = np.zeros((N_COMPONENTS, prior.size, prior.size)), np.zeros((N_COMPONENTS, prior.size))
     errors = np.full(measured.shape, np.nan)
-    for block in compute_regressor_blocks(mechanism, dynamics.motion.rates, list_parameter_values(model)):
+    for block in wrench.compute_regressor_blocks(
+        mechanism, dynamics.motion.rates, list_parameter_values(model)
+    ):
         kept = used[block.rows]
         rows = block.ground[kept]
         error = measured[block.rows][kept] - rows @ prior

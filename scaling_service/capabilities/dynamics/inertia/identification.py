@@ -8,7 +8,7 @@ several times its size, and the problem has one form only.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 
 import clarabel
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from scaling_service.capabilities.dynamics.inertia import parameters as inertia_parameters
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     N_COMPONENTS,
     ForceRecording,
@@ -25,23 +26,13 @@ from scaling_service.capabilities.dynamics.inertia.evidence import (
     gather_evidence,
     weigh_errors,
 )
-from scaling_service.capabilities.dynamics.inertia.parameters import (
-    InertialIdentification,
-    InertialPrior,
-    PriorSpread,
-    Solution,
-    WrenchError,
-    describe_combinations,
-    describe_parameters,
-    make_inertial_prior,
-)
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import list_few
+from scaling_service.model import compile as compiling
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia import find_possible_tensor
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody.tree import pose_links
 
@@ -109,7 +100,16 @@ def minimise_within_cone(
     # In units of 1 / sqrt(curvature) all unknowns are alike; the solver may fail where gains differ by 1e4.
     unit = 1.0 / np.sqrt(curvature)
     moves = (directions * unit).reshape(len(mean), motion.N_PARAMETERS, -1)
-    boxes = [_bound_box(mean[b.row], moves[b.row], b) for b in bodies]
+    boxes = []
+    for b in bodies:
+        # Rows `a y + b >= 0` that keep the centre of mass in its box: linear in mass and first moment.
+        own = mean[b.row]
+        moving = moves[b.row]
+        size = own[0] * np.maximum(b.high - b.low, 1e-6)[:, None]
+        lower = (moving[1:4] - b.low[:, None] * moving[0]) / size
+        upper = (b.high[:, None] * moving[0] - moving[1:4]) / size
+        at = np.concatenate([own[1:4] - b.low * own[0], b.high * own[0] - own[1:4]])
+        boxes.append((np.concatenate([lower, upper]), at / np.concatenate([size[:, 0], size[:, 0]])))
     cones = [_bound_cone(mean[b.row], moves[b.row]) for b in bodies]
     parts = [*boxes, *cones]
     free = slope * unit
@@ -131,15 +131,6 @@ def minimise_within_cone(
         settings,
     ).solve()
     return np.array(solution.x) * unit if str(solution.status) in _SOLVED else None
-
-
-def _bound_box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
-    """Rows ``a y + b >= 0`` that keep the centre of mass in its box: linear in mass and first moment."""
-    size = mean[0] * np.maximum(body.high - body.low, 1e-6)[:, None]
-    lower = (moves[1:4] - body.low[:, None] * moves[0]) / size
-    upper = (body.high[:, None] * moves[0] - moves[1:4]) / size
-    at = np.concatenate([mean[1:4] - body.low * mean[0], body.high * mean[0] - mean[1:4]])
-    return np.concatenate([lower, upper]), at / np.concatenate([size[:, 0], size[:, 0]])
 
 
 def _bound_cone(mean: Array, moves: Array) -> tuple[Array, Array]:
@@ -170,8 +161,11 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
     default posture) and the markers on it. Along each axis it reaches at least one standard deviation of the
     segment's own mass to both sides of the prior's centre, for so far the segment itself reaches.
     """
-    tree, q = inertia.compile_whole_tree(model), np.ascontiguousarray(repeat_default_pose(model, 1).T)
-    poses = pose_links(tree, q, list_parameter_values(model))
+    tree, q = (
+        inertia.compile_whole_tree(model),
+        np.ascontiguousarray(compiling.repeat_default_pose(model, 1).T),
+    )
+    poses = pose_links(tree, q, compiling.list_parameter_values(model))
     origins, axes = poses.origins[..., 0], poses.axes[..., 0].transpose(0, 2, 1)
     bodies = []
     for k, segment in enumerate(model.segments):
@@ -192,7 +186,7 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
 class IdentificationSettings:
     """How inertia is identified."""
 
-    spread: PriorSpread = field(default_factory=PriorSpread)
+    spread: inertia_parameters.PriorSpread = field(default_factory=inertia_parameters.PriorSpread)
     mass_known: bool = True  # whether the total mass stays; else the plates tell it
     symmetric: bool = True  # whether left and right change alike
     # identify even where no component of the wrench supports it; it becomes a warning
@@ -201,13 +195,13 @@ class IdentificationSettings:
 
 def identify_inertia(
     model: BodyModel,
-    fitted: Sequence[ForceRecording],
+    fitted: abc.Sequence[ForceRecording],
     *,
-    held_out: Sequence[ForceRecording] = (),
+    held_out: abc.Sequence[ForceRecording] = (),
     supported: ArrayLike | None = None,
     noise: ArrayLike | None = None,
     settings: IdentificationSettings = IdentificationSettings(),
-) -> InertialIdentification:
+) -> inertia_parameters.InertialIdentification:
     """Identify the inertia of a model's segments (Futamure et al., eq. 8).
 
     Parameters
@@ -258,14 +252,23 @@ def identify_inertia(
     True
     """
     components, of_components = _choose_components(supported, settings)
-    model, repaired = _make_possible(model)
+    # The model with every tensor that no body can have replaced by the nearest possible one
+    inertias = inertia.gather_inertias(model)
+    nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
+    wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
+    if not wrong:
+        model, repaired = model, []
+    else:
+        tensors = np.array([tensor for tensor, _ in nearest])
+        said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
+        model, repaired = inertia.with_inertias(model, replace(inertias, tensor=tensors)), [said]
     if not fitted:
-        raise InputError(
+        raise errors.InputError(
             "there is no recording to identify inertia from",
             field="trials.calibration",
             remedy="Name recordings with forces",
         )
-    prior = make_inertial_prior(
+    prior = inertia_parameters.make_inertial_prior(
         model, settings.spread, mass_known=settings.mass_known, symmetric=settings.symmetric
     )
     evidence = [gather_evidence(model, recording) for recording in fitted]
@@ -274,12 +277,12 @@ def identify_inertia(
     changed = inertia.with_inertias(
         model, motion.Inertias.of_parameters(prior.mean + solution.change.reshape(-1, motion.N_PARAMETERS))
     )
-    result = InertialIdentification(
+    result = inertia_parameters.InertialIdentification(
         model=changed,
-        parameters=describe_parameters(model, changed, prior, solution),
-        combinations=describe_combinations(prior, solution),
+        parameters=inertia_parameters.describe_parameters(model, changed, prior, solution),
+        combinations=inertia_parameters.describe_combinations(prior, solution),
         fits=tuple(
-            WrenchError(
+            inertia_parameters.WrenchError(
                 trial=e.trial,
                 held_out=out,
                 frames=e.frames,
@@ -291,7 +294,24 @@ def identify_inertia(
         components=tuple(components.tolist()),
         noise=np.where(components, solution.noise, np.nan),
     )
-    return replace(result, warnings=(*of_components, *repaired, *_warn(result, settings)))
+    # What a person should know of a result
+    notes: list[str] = []
+    if not result.combinations:
+        hint = "; the total mass was held, too" if settings.mass_known else ""
+        notes.append(f"the recordings say less than the prior about every combination: nothing moved{hint}")
+    surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
+    if surprises:
+        notes.append(
+            f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "
+            f"doubt the motion or the forces first"
+        )
+    ratio = result.relative_error(held_out=True)
+    if ratio > WORSE:
+        notes.append(
+            f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
+            "keep the inertia that it started from"
+        )
+    return replace(result, warnings=(*of_components, *repaired, *notes))
 
 
 def _choose_components(
@@ -305,7 +325,7 @@ def _choose_components(
         return components, []
     said = "the residual is within the uncertainty of the measurement: it says nothing about the inertia"
     if not settings.despite_verdict:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             said,
             field="inertia",
             remedy="Keep the table's inertia, or record a livelier movement with smaller marker errors",
@@ -313,25 +333,13 @@ def _choose_components(
     return np.ones(N_COMPONENTS, dtype=bool), [f"{said}; it was identified all the same"]
 
 
-def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
-    """The model with every tensor that no body can have replaced by the nearest possible one."""
-    inertias = inertia.gather_inertias(model)
-    nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
-    wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
-    if not wrong:
-        return model, []
-    tensors = np.array([tensor for tensor, _ in nearest])
-    said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
-    return inertia.with_inertias(model, replace(inertias, tensor=tensors)), [said]
-
-
 def _solve(
     model: BodyModel,
-    prior: InertialPrior,
-    evidence: Sequence[WrenchEquations],
+    prior: inertia_parameters.InertialPrior,
+    evidence: abc.Sequence[WrenchEquations],
     components: NDArray[np.bool_],
     noise_known: Array | None,
-) -> Solution:
+) -> inertia_parameters.Solution:
     """The parameters, with the noise that is known or most likely."""
     assumed = noise_known if noise_known is not None else np.repeat([1.0, ARM_M], 3)
     information, slope = gather(evidence, assumed, components)
@@ -351,35 +359,16 @@ def _solve(
         1.0 + gains[kept], slopes[kept], prior.mean, prior.scale @ directions, bodies
     )
     if moves is None:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "no possible inertia was found that fits the forces",
             file=evidence[0].trial,
             field="forces",
             remedy="Check the units of the forces and that markers and forces are of one recording",
         )
-    return Solution(
+    return inertia_parameters.Solution(
         change=prior.scale @ directions @ moves,
         directions=directions,
         gains=gains[kept],
         moves=moves,
         noise=size * assumed,
     )
-
-
-def _warn(result: InertialIdentification, settings: IdentificationSettings) -> Iterator[str]:
-    """What a person should know of a result."""
-    if not result.combinations:
-        hint = "; the total mass was held, too" if settings.mass_known else ""
-        yield f"the recordings say less than the prior about every combination: nothing moved{hint}"
-    surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
-    if surprises:
-        yield (
-            f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "
-            f"doubt the motion or the forces first"
-        )
-    ratio = result.relative_error(held_out=True)
-    if ratio > WORSE:
-        yield (
-            f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
-            "keep the inertia that it started from"
-        )

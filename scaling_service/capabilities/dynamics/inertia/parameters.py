@@ -90,7 +90,20 @@ def make_inertial_prior(
     for k, slopes in enumerate(_differentiate_parameters(inertias)):
         rows = slice(motion.N_PARAMETERS * k, motion.N_PARAMETERS * (k + 1))
         scale[rows, rows] = slopes * sd[k]
-    basis = _find_moving_directions(model.segment_names, sd, symmetric)
+    # Orthonormal directions of z that may move, whatever the total mass does
+    columns = []
+    for row, name in enumerate(model.segment_names):
+        twin = {"_r": f"{name[:-2]}_l", "_l": f"{name[:-2]}_r"}.get(name[-2:])
+        other = model.segment_names.index(twin) if symmetric and twin in model.segment_names else None
+        if other is not None and name.endswith("_l"):
+            continue
+        for j in np.flatnonzero(sd[row]).tolist():
+            column = np.zeros(sd.size)
+            column[motion.N_PARAMETERS * row + j] = 1.0
+            if other is not None and sd[other, j]:
+                column[motion.N_PARAMETERS * other + j] = MIRRORED[j]
+            columns.append(column / np.linalg.norm(column))
+    basis = np.array(columns).T
     if mass_known:
         basis = basis @ null_space((scale[:: motion.N_PARAMETERS].sum(axis=0) @ basis)[None, :])
     return InertialPrior(
@@ -125,23 +138,6 @@ def convert_second_moments() -> Array:
         else:
             matrix[column, column] = -1.0
     return matrix
-
-
-def _find_moving_directions(segments: tuple[str, ...], sd: Array, symmetric: bool) -> Array:
-    """Orthonormal directions of z that may move, whatever the total mass does."""
-    columns = []
-    for k, name in enumerate(segments):
-        twin = {"_r": f"{name[:-2]}_l", "_l": f"{name[:-2]}_r"}.get(name[-2:])
-        other = segments.index(twin) if symmetric and twin in segments else None
-        if other is not None and name.endswith("_l"):
-            continue
-        for j in np.flatnonzero(sd[k]).tolist():
-            column = np.zeros(sd.size)
-            column[motion.N_PARAMETERS * k + j] = 1.0
-            if other is not None and sd[other, j]:
-                column[motion.N_PARAMETERS * other + j] = MIRRORED[j]
-            columns.append(column / np.linalg.norm(column))
-    return np.array(columns).T
 
 
 _REPORTED[4:, 4:] = convert_second_moments()

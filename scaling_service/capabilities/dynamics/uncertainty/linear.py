@@ -12,7 +12,7 @@ function of the coordinates of frames i - HALO … i + HALO through their centra
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,27 +20,14 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.special import erf
 
-from scaling_service.capabilities.dynamics.uncertainty.reference import (
-    HALO,
-    SLOPES,
-    STENCIL,
-    Reference,
-    difference_once,
-    difference_twice,
-)
+from scaling_service.capabilities.dynamics.uncertainty import reference as references
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.numerics.multibody.motion import Motion, list_screws
-from scaling_service.numerics.multibody.tree import (
-    Poses,
-    compute_jacobian,
-    cross,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import motion as motions
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.wrench import differentiate_wrench
 
-LAGS = tuple(range(-HALO, HALO + 1))
+LAGS = tuple(range(-references.HALO, references.HALO + 1))
 """Frames that a wrench depends on, relative to its own."""
 
 UNIFORM_RANGE = np.sqrt(12.0)
@@ -53,7 +40,7 @@ EXACT_M = 1e-6
 """Reconstruction error below which markers are followed exactly (chosen: far below any camera's noise)."""
 
 _BLOCK = 120  # frames together: 35 coordinates times 192 components are 7 MB
-_GRID = 400  # sizes of the noise, and errors of a level: dispersions change by less than 1e-4 beyond
+_GRID = 400  # sizes of the noise, and errors of a level: spread change by less than 1e-4 beyond
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,46 +51,58 @@ class WrenchJacobian:
     # (len(LAGS), n_varied, 6, n), N and N m per rad and m: with respect to the varied coordinates at frames
     # ``rows + lag``
     by_lag: Array
-    poses: Poses  # of these frames with their halo on both sides
+    poses: trees.Poses  # of these frames with their halo on both sides
     kept: NDArray[np.intp]  # (n,): where these frames stand in ``poses``
 
 
-def compute_wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterator[WrenchJacobian]:
+def compute_wrench_jacobians(
+    reference: references.Reference, *, every: int = 1
+) -> abc.Iterator[WrenchJacobian]:
     """Derivatives of the wrench of every frame used, or of every tenth and so on, in blocks."""
     for start, stop in reference.spans:
-        for at in range(start, stop - 2 * HALO, _BLOCK):
-            whole = slice(at, min(at + _BLOCK + 2 * HALO, stop))
-            rows = np.arange(whole.start + HALO, whole.stop - HALO)
+        for at in range(start, stop - 2 * references.HALO, _BLOCK):
+            whole = slice(at, min(at + _BLOCK + 2 * references.HALO, stop))
+            rows = np.arange(whole.start + references.HALO, whole.stop - references.HALO)
             kept = reference.used[rows] & (rows % every == 0)
             if kept.any():
-                poses = pose_links(reference.tree, np.ascontiguousarray(reference.q[:, whole]), reference.p)
+                poses = trees.pose_links(
+                    reference.tree, np.ascontiguousarray(reference.q[:, whole]), reference.p
+                )
                 by_lag = _by_lag(reference, reference.q[:, whole], reference.external[:3, rows])
-                yield WrenchJacobian(rows[kept], by_lag[..., kept], poses, HALO + np.flatnonzero(kept))
+                yield WrenchJacobian(
+                    rows[kept], by_lag[..., kept], poses, references.HALO + np.flatnonzero(kept)
+                )
 
 
-def _by_lag(reference: Reference, q: Array, external: Array) -> Array:
+def _by_lag(reference: references.Reference, q: Array, external: Array) -> Array:
     """All derivatives, (len(LAGS), n_varied, 6, n); ``external`` is the loads' force, (3, n).
 
     The wrench of a frame depends on its coordinates and their rates, and these, as differences, on the
     coordinates of the frames around it. ``q``: (n_coordinates, n + 2 HALO).
     """
     step = reference.step_s
-    motion = Motion(q[:, HALO:-HALO], difference_once(q, step), difference_twice(q, step))
-    screws = list_screws(reference.mechanism, motion, reference.p, reference.varied)
+    motion = motions.Motion(
+        q[:, references.HALO : -references.HALO],
+        references.difference_once(q, step),
+        references.difference_twice(q, step),
+    )
+    screws = motions.list_screws(reference.mechanism, motion, reference.p, reference.varied)
     found = differentiate_wrench(reference.mechanism, screws, len(reference.varied))
     by = found.by.transpose(2, 3, 1, 0)  # q, qdot and qddot first
     # about the moving root, needed and provided alike: M - root x F
     root = screws.state.poses.origins[0]
-    by[:, :, 3:] -= cross(root, by[:, :, :3])
+    by[:, :, 3:] -= trees.cross(root, by[:, :, :3])
     carried = np.zeros((len(reference.varied), 3, motion.n))
     on_root = np.flatnonzero(reference.mechanism.carriers[screws.entries, 0])
     turns = screws.rates[0, on_root]
-    np.add.at(carried, screws.columns[on_root], turns[:, :3] + cross(turns[:, 3:], root))
-    by[0, :, 3:] -= cross(carried, found.wrench[:3] - external)
-    first = [-w / step for w in SLOPES[::-1]] + [0.0] + [w / step for w in SLOPES]
-    second = [w / step**2 for w in (*STENCIL[::-1], -2.0 * sum(STENCIL), *STENCIL)]
+    np.add.at(carried, screws.columns[on_root], turns[:, :3] + trees.cross(turns[:, 3:], root))
+    by[0, :, 3:] -= trees.cross(carried, found.wrench[:3] - external)
+    first = [-w / step for w in references.SLOPES[::-1]] + [0.0] + [w / step for w in references.SLOPES]
+    second = [
+        w / step**2 for w in (*references.STENCIL[::-1], -2.0 * sum(references.STENCIL), *references.STENCIL)
+    ]
     result = np.array([a * by[1] + b * by[2] for a, b in zip(first, second, strict=True)])
-    result[HALO] += by[0]
+    result[references.HALO] += by[0]
     return result
 
 
@@ -119,8 +118,10 @@ class KinematicUncertainty:
     r2_centred: Array
 
 
-def propagate_motion_noise(reference: Reference, levels: Sequence[float]) -> KinematicUncertainty:
-    """Muller's dispersions of the indicator at levels of added reconstruction error, in closed form.
+def propagate_motion_noise(
+    reference: references.Reference, levels: abc.Sequence[float]
+) -> KinematicUncertainty:
+    """Muller's spread of the indicator at levels of added reconstruction error, in closed form.
 
     ``levels``: over the reference's error. Raises InputError: the markers are followed without any error, so
     that nothing scales a perturbation.
@@ -133,7 +134,16 @@ def propagate_motion_noise(reference: Reference, levels: Sequence[float]) -> Kin
         factors = np.einsum("ls,lvcn->nsvc", spread, block.by_lag, optimize=True)
         joined = factors.reshape(len(factors), -1, 6)
         covariances.append(np.asarray(joined.transpose(0, 2, 1) @ joined))
-        away, wide = _compute_marker_spread(reference, block)
+        # Of all markers seen in all frames: distance from the model's, and spread for unit size of the
+        # noise. Both are flat, in m; the spread is the standard deviation per direction, mean over the
+        # three.
+        tree, poses = reference.tree, block.poses
+        placed = trees.place_tree_markers(tree, poses)
+        moved = trees.compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
+        gaps = placed[..., block.kept] - reference.measured[..., block.rows]
+        seen = reference.seen[:, block.rows] > 0
+        widths = np.sqrt(np.einsum("vman,vman->mn", moved, moved) / 3.0)
+        away, wide = np.linalg.norm(gaps, axis=1)[seen], widths[seen]
         apart.append(away)
         spreads.append(wide)
     covariance = np.concatenate(covariances)
@@ -150,7 +160,13 @@ def propagate_motion_noise(reference: Reference, levels: Sequence[float]) -> Kin
     errors *= error / errors[0]
     variance = np.einsum("ncc->nc", covariance).mean(axis=0) / reference.scale**2
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
-    dispersion = np.array([_compute_dispersion(error, level, errors, indicators) for level in levels])
+    dispersions = []
+    for level in levels:
+        # Of the indicators, where the error is uniform up to a level; shape (6,).
+        wanted = error * (1.0 + level * (np.arange(_GRID) + 0.5) / _GRID)
+        found = np.array([np.interp(wanted, errors, column) for column in indicators.T])
+        dispersions.append(np.asarray(UNIFORM_RANGE * found.std(axis=1)))
+    dispersion = np.array(dispersions)
     slopes, r2, centred = fit_slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
     return KinematicUncertainty(
         error_m=error,
@@ -162,7 +178,7 @@ def propagate_motion_noise(reference: Reference, levels: Sequence[float]) -> Kin
     )
 
 
-def compute_error_and_indicator(reference: Reference) -> tuple[float, Array]:
+def compute_error_and_indicator(reference: references.Reference) -> tuple[float, Array]:
     """Of the reference motion itself, which must not follow its markers exactly."""
     error, residual = reference.residual(reference.q)
     if error < EXACT_M:
@@ -200,20 +216,6 @@ def factor_noise(autocovariance: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
 
 
-def _compute_marker_spread(reference: Reference, block: WrenchJacobian) -> tuple[Array, Array]:
-    """Of all markers seen in all frames: distance from the model's, and spread for unit size of the noise.
-
-    Both are flat, in m; the spread is the standard deviation per direction, mean over the three.
-    """
-    tree, poses = reference.tree, block.poses
-    placed = place_tree_markers(tree, poses)
-    moved = compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
-    away = placed[..., block.kept] - reference.measured[..., block.rows]
-    seen = reference.seen[:, block.rows] > 0
-    wide = np.sqrt(np.einsum("vman,vman->mn", moved, moved) / 3.0)
-    return np.linalg.norm(away, axis=1)[seen], wide[seen]
-
-
 def _expect_distance(away: Array, wide: Array) -> Array:
     """Expected length of a vector of length ``away`` plus Gaussian noise alike in all directions.
 
@@ -231,10 +233,3 @@ def _expect_distance(away: Array, wide: Array) -> Array:
         expected: Array = s * np.sqrt(2 / np.pi) * np.exp(-0.5 * ratio**2)
     expected += (a + s**2 / a) * erf(ratio / np.sqrt(2.0))
     return expected
-
-
-def _compute_dispersion(error: float, level: float, errors: Array, indicators: Array) -> Array:
-    """Of the indicators, where the error is uniform up to a level; shape (6,)."""
-    wanted = error * (1.0 + level * (np.arange(_GRID) + 0.5) / _GRID)
-    found = np.array([np.interp(wanted, errors, column) for column in indicators.T])
-    return np.asarray(UNIFORM_RANGE * found.std(axis=1))

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.uncertainty import linear
-from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, Reference
+from scaling_service.capabilities.dynamics.uncertainty import reference as references
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.inertia import compile_mechanism, gather_inertias
+from scaling_service.model import inertia
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_regressor_blocks
@@ -70,7 +70,7 @@ class MarkerUncertainty:
 
 
 def propagate_marker_errors(
-    recording: LoadedMotion, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
+    recording: references.LoadedMotion, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
 ) -> MarkerUncertainty:
     """Propagate each marker's error to the residual wrench.
 
@@ -78,10 +78,21 @@ def propagate_marker_errors(
     they are as large as the filtered residuals tell. ``shared`` is the share of the variance of a marker's
     whole error that its segment's markers have in common, below 1. Errors as ``propagate``.
     """
-    reference = Reference.of(recording, "all")
+    reference = references.Reference.of(recording, "all")
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
-    left = _filter_residuals(reference)
+    # Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen.
+    low_pass = reference.low_pass
+    placed = np.moveaxis(trees.pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
+    known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
+    unfiltered = np.where(known[:, None], reference.measured - placed, np.nan)
+    filtered = filter_butterworth(
+        np.moveaxis(unfiltered, -1, 0),
+        rate_hz=low_pass.rate_hz,
+        cutoff_hz=low_pass.cutoff_hz,
+        order=low_pass.order,
+    )
+    left = np.asarray(np.moveaxis(filtered.values, 0, -1))
     # Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)
     n = reference.n_frames
     found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(linear.LAGS))]
@@ -91,7 +102,13 @@ def propagate_marker_errors(
     together = _spread_common_errors(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
     for block in linear.compute_wrench_jacobians(reference):
-        effect = _compute_effect(block, _follow(reference, block, weights)[0], spread)
+        # What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers,
+        # 3)
+        gain = _follow(reference, block, weights)[0]
+        factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
+        length, count, _, varied = factors.shape
+        effect = factors.reshape(length, -1, varied) @ gain.reshape(length, varied, -1)
+        effect = np.asarray(effect.reshape(length, count, 6, gain.shape[2], 3))
         own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
         covariances.append(_sum_outer_products(own) + _sum_outer_products(common))
         by_segment = (common**2).sum(axis=(0, 1, 4)).T
@@ -107,7 +124,7 @@ def propagate_marker_errors(
     )
 
 
-def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: float) -> Array:
+def _estimate_sizes(reference: references.Reference, left: Array, weights: Array, shared: float) -> Array:
     """Standard deviation of each marker's own error per direction, m.
 
     What is left of errors e is ``(1 - J P) e``: the variance that unit errors would leave of each marker is
@@ -131,7 +148,7 @@ def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: f
     return np.asarray(np.sqrt(variance / np.maximum(unit, _LEAST)))
 
 
-def _spread_common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
+def _spread_common_errors(reference: references.Reference, sizes: Array, shared: float) -> Array:
     """How far each segment's common error moves each marker, shape (n_links, n_markers), m."""
     links = reference.tree.marker_link
     on = links[None, :] == np.arange(len(reference.tree.links))[:, None]
@@ -139,20 +156,8 @@ def _spread_common_errors(reference: Reference, sizes: Array, shared: float) -> 
     return np.asarray(on * np.sqrt(shared / (1.0 - shared) * mean)[:, None])
 
 
-def _filter_residuals(reference: Reference) -> Array:
-    """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
-    low_pass = reference.low_pass
-    placed = np.moveaxis(pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
-    known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
-    left = np.where(known[:, None], reference.measured - placed, np.nan)
-    filtered = filter_butterworth(
-        np.moveaxis(left, -1, 0), rate_hz=low_pass.rate_hz, cutoff_hz=low_pass.cutoff_hz, order=low_pass.order
-    )
-    return np.asarray(np.moveaxis(filtered.values, 0, -1))
-
-
 def _follow(
-    reference: Reference, block: linear.WrenchJacobian, weights: Array
+    reference: references.Reference, block: linear.WrenchJacobian, weights: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.
 
@@ -160,9 +165,9 @@ def _follow(
     seen, (n, n_markers).
     """
     tree, poses = reference.tree, block.poses
-    by_variable = compute_jacobian(tree, poses, place_tree_markers(tree, poses), reference.varied)[
-        ..., block.kept
-    ]
+    by_variable = trees.compute_jacobian(
+        tree, poses, trees.place_tree_markers(tree, poses), reference.varied
+    )[..., block.kept]
     moved = np.ascontiguousarray(np.moveaxis(by_variable, -1, 0))
     seen = reference.seen[:, block.rows].T > 0
     weighted = moved * (weights * seen)[:, None, :, None]
@@ -172,14 +177,6 @@ def _follow(
     normal += steady[:, None, None] * np.eye(count)
     gain = np.linalg.solve(normal, weighted.reshape(n, count, -1))
     return np.asarray(gain).reshape(moved.shape), moved, seen
-
-
-def _compute_effect(block: linear.WrenchJacobian, gain: Array, spread: Array) -> Array:
-    """What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers, 3)."""
-    factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
-    n, count, _, varied = factors.shape
-    effect = factors.reshape(n, -1, varied) @ gain.reshape(n, varied, -1)
-    return np.asarray(effect.reshape(n, count, 6, gain.shape[2], 3))
 
 
 def _sum_outer_products(effect: Array) -> Array:
@@ -215,7 +212,11 @@ class FrameChoice:
 
 
 def choose_frames(
-    recording: LoadedMotion, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
+    recording: references.LoadedMotion,
+    uncertainty: MarkerUncertainty,
+    *,
+    window_s: float = 1.0,
+    count: int = 10,
 ) -> FrameChoice:
     """The windows that tell most of the inertial parameters, given how uncertain each frame is.
 
@@ -230,12 +231,31 @@ def choose_frames(
             field="window_s",
             remedy="Take one window at least, of 1 s",
         )
-    reference = Reference.of(recording, "all")
+    reference = references.Reference.of(recording, "all")
     length = round(window_s / reference.step_s)
     thin = max(1, round(reference.low_pass.rate_hz / (INDEPENDENT * recording.cutoff_hz)))
     picked = np.arange(0, len(uncertainty.frames), thin)
     place = uncertainty.frames[picked] // length
-    pieces = _gather_information(recording, reference, uncertainty, picked, place)
+    # Window number to its information in units of what a table leaves open
+    rows, q = uncertainty.frames[picked], reference.q.T
+    first, second = differentiate_spline(recording.motion.times, q)
+    rates = Rates.of_frames(q[rows], first[rows], second[rows])
+    blocks = compute_regressor_blocks(inertia.compile_mechanism(recording.model), rates, reference.p)
+    regressor = np.concatenate([block.ground for block in blocks])
+    # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
+    inertias = inertia.gather_inertias(recording.model)
+    result = np.empty((len(inertias.mass), N_PARAMETERS))
+    mass = inertias.mass
+    result[:, 0] = MASS_SHARE * mass
+    result[:, 1:4] = PLACE_M * mass[:, None]
+    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
+    scale = result.ravel()
+    root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
+    whitened = root @ (regressor * scale)
+    pieces = {}
+    for part in np.unique(place).tolist():
+        own = whitened[place == part].reshape(-1, len(scale))
+        pieces[part] = own.T @ own
     order, gains = _choose_greedily(list(pieces.values()), min(count, len(pieces)))
     numbers = np.array(list(pieces))[order]
     weight = reference.scale[0]
@@ -247,36 +267,6 @@ def choose_frames(
         windows.append(Window(start, stop, gain, float(uncertainty.sd[inside, :3].mean() / weight)))
     whole = np.eye(len(next(iter(pieces.values())))) + sum(pieces.values())
     return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]), frames)
-
-
-def _gather_information(
-    recording: LoadedMotion,
-    reference: Reference,
-    uncertainty: MarkerUncertainty,
-    picked: NDArray[np.intp],
-    place: NDArray[np.intp],
-) -> dict[int, Array]:
-    """Window number to its information in units of what a table leaves open."""
-    rows, q = uncertainty.frames[picked], reference.q.T
-    first, second = differentiate_spline(recording.motion.times, q)
-    rates = Rates.of_frames(q[rows], first[rows], second[rows])
-    blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.p)
-    regressor = np.concatenate([block.ground for block in blocks])
-    # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
-    inertias = gather_inertias(recording.model)
-    result = np.empty((len(inertias.mass), N_PARAMETERS))
-    mass = inertias.mass
-    result[:, 0] = MASS_SHARE * mass
-    result[:, 1:4] = PLACE_M * mass[:, None]
-    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
-    scale = result.ravel()
-    root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
-    whitened = root @ (regressor * scale)
-    pieces = {}
-    for number in np.unique(place).tolist():
-        own = whitened[place == number].reshape(-1, len(scale))
-        pieces[number] = own.T @ own
-    return pieces
 
 
 def _choose_greedily(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:

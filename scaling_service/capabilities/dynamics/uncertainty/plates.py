@@ -9,7 +9,7 @@ import numpy as np
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
 from scaling_service.core.arrays import Array
 from scaling_service.model.forces import CONTACT_N
-from scaling_service.numerics.multibody.tree import cross, pose_links
+from scaling_service.numerics.multibody import tree
 
 SIGMAS = 3.0
 """A data sheet's figure of a plate stands for three standard deviations, and so does the dispersion that is
@@ -46,13 +46,13 @@ def list_pressed(reference: Reference, noise: PlateNoise) -> PressedPlates:
     """What each load's noise acts on, over the frames used."""
     used = reference.used
     _, residual = reference.residual(reference.q)
-    poses = pose_links(reference.tree, reference.q[:, used], reference.p)
+    poses = tree.pose_links(reference.tree, reference.q[:, used], reference.p)
     root = poses.frames[poses.plan.link_node[0], 3]
     force, moment = (np.moveaxis(x[used], 0, -1) for x in (reference.loads.force, reference.loads.moment))
     pressing = force[:, 1]
     loaded = pressing > CONTACT_N
     ground = np.array([0.0, noise.surface_m, 0.0])[:, None]
-    about = moment - cross(np.broadcast_to(ground, force.shape), force)
+    about = moment - tree.cross(np.broadcast_to(ground, force.shape), force)
     # n x M / (n . F) with the normal n up
     flat = np.stack([about[:, 2], np.zeros_like(pressing), -about[:, 0]], axis=1)
     centre = np.divide(flat, pressing[:, None], out=np.zeros_like(flat), where=loaded[:, None]) + ground

@@ -11,21 +11,15 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
-from scaling_service.model import body
-from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model import body, inertia
+from scaling_service.model import compile as compiling
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
+from scaling_service.numerics import wrench as wrenches
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    place_tree_markers,
-    pose_links,
-    pose_markers,
-)
-from scaling_service.numerics.signals.filters import filter_run, find_runs
-from scaling_service.numerics.wrench import compute_root_wrench, move_moment
+from scaling_service.numerics.signals import filters
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
@@ -43,10 +37,10 @@ _PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
 
 def make_trees(
     model: body.BodyModel, markers: tuple[str, ...], segments: Sequence[body.Segment]
-) -> tuple[Tree, Tree]:
+) -> tuple[trees.Tree, trees.Tree]:
     """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
     centres = tuple(body.Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
-    whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
+    whole = compiling.compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
     count = len(markers)
     alone = replace(
         whole,
@@ -103,7 +97,7 @@ class Reference:
 
     trial: str
     mechanism: Mechanism
-    tree: Tree  # with the markers that are compared with the measured ones
+    tree: trees.Tree  # with the markers that are compared with the measured ones
     p: Array  # (n_parameters,)
     low_pass: LowPass
     step_s: float
@@ -127,13 +121,13 @@ class Reference:
         """
         model, motion = recording.model, recording.motion
         inverse_dynamics.check_clock(recording.loads, motion.times, motion.trial)
-        scale = inverse_dynamics.scale_indicator(sum_mass(model), recording.height_m)
+        scale = inverse_dynamics.scale_indicator(inertia.sum_mass(model), recording.height_m)
         raw = inverse_dynamics.in_model_order(model, motion)
         rated = inverse_dynamics.differentiate_motion(
             model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order
         )
         known = np.asarray(np.isfinite(rated.q).all(axis=1))
-        spans = tuple((a, b) for a, b in find_runs(known).tolist() if b - a > 2 * HALO)
+        spans = tuple((a, b) for a, b in filters.find_runs(known).tolist() if b - a > 2 * HALO)
         inner = np.zeros(len(known), dtype=bool)
         for start, stop in spans:
             inner[start + HALO : stop - HALO] = True
@@ -143,7 +137,12 @@ class Reference:
             used &= recording.frames
         if not used.any():
             raise inverse_dynamics.report_no_frame(motion.trial)
-        measured, seen = _list_measured(model, motion, raw)
+        # Markers first, frames last; zero where not seen.
+        tree = compiling.compile_model(model, motion.markers)
+        placed = trees.pose_markers(tree, np.nan_to_num(raw), compiling.list_parameter_values(model))
+        measured = np.moveaxis(placed + motion.residuals, 0, -1)
+        shown = np.asarray(np.isfinite(measured).all(axis=1) & np.isfinite(motion.q).all(axis=1))
+        measured = np.where(shown[:, None], measured, 0.0)
         step = float(np.median(np.diff(motion.times)))
         names = set(motion.estimated)
         chosen = [
@@ -153,16 +152,16 @@ class Reference:
         ]
         return cls(
             trial=motion.trial,
-            mechanism=compile_mechanism(model),
-            tree=compile_model(model, motion.markers),
-            p=list_parameter_values(model),
+            mechanism=inertia.compile_mechanism(model),
+            tree=tree,
+            p=compiling.list_parameter_values(model),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
             q=np.ascontiguousarray(rated.q.T),
             varied=np.array(chosen, dtype=np.intp),
             spans=spans,
             measured=measured,
-            seen=seen,
+            seen=np.ascontiguousarray(shown.astype(float)),
             loads=recording.loads,
             external=np.where(np.isfinite(external), external, 0.0),
             used=used,
@@ -196,10 +195,10 @@ class Reference:
             inner = slice(start + HALO, stop - HALO)
             known = q[:, start:stop]
             rates = difference_once(known, self.step_s), difference_twice(known, self.step_s)
-            wrench, root = compute_root_wrench(self.mechanism, Rates(q[:, inner], *rates), self.p)
-            residual[:, inner] = move_moment(wrench - self.external[:, inner], root)
-            poses = pose_links(self.tree, np.ascontiguousarray(q[:, inner]), self.p)
-            away = place_tree_markers(self.tree, poses) - self.measured[:, :, inner]
+            wrench, root = wrenches.compute_root_wrench(self.mechanism, Rates(q[:, inner], *rates), self.p)
+            residual[:, inner] = wrenches.move_moment(wrench - self.external[:, inner], root)
+            poses = trees.pose_links(self.tree, np.ascontiguousarray(q[:, inner]), self.p)
+            away = trees.place_tree_markers(self.tree, poses) - self.measured[:, :, inner]
             far[:, inner] = self.seen[:, inner] * np.linalg.norm(away, axis=1)
         count = sum(self.seen[:, start + HALO : stop - HALO].sum() for start, stop in self.spans)
         return float(far.sum() / count), residual
@@ -209,15 +208,6 @@ class Reference:
         used = residual[:, self.used]
         rms: Array = np.sqrt(np.einsum("cn,cn->c", used, used) / used.shape[1]) / self.scale
         return rms
-
-
-def _list_measured(model: body.BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
-    """Measured markers, zero where not seen, and where they were seen; markers first, frames last."""
-    tree = compile_model(model, motion.markers)
-    placed = pose_markers(tree, np.nan_to_num(q), list_parameter_values(model))
-    measured = np.moveaxis(placed + motion.residuals, 0, -1)
-    seen = np.asarray(np.isfinite(measured).all(axis=1)) & np.asarray(np.isfinite(motion.q).all(axis=1))
-    return np.where(seen[:, None], measured, 0.0), np.ascontiguousarray(seen.astype(float))
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +220,7 @@ class LowPass:
 
     def apply(self, noise: Array) -> Array:
         """Filter finite noise (m, n) along the last axis; what is too short for it stays as it is."""
-        found = filter_run(noise, rate_hz=self.rate_hz, cutoff_hz=self.cutoff_hz, order=self.order)
+        found = filters.filter_run(noise, rate_hz=self.rate_hz, cutoff_hz=self.cutoff_hz, order=self.order)
         return noise if found is None else found
 
     def autocovariance(self, lags: int) -> Array:

@@ -105,8 +105,28 @@ def describe_verdict(dr: Array, total: Array) -> str:
     force, moment = float(dr[:3].mean()), float(dr[3:].mean())
     acceptable = force <= SMALL_FORCE and moment <= SMALL_MOMENT
     said = "are acceptable" if acceptable else "leave more than those of a table usually do"
+    supported = dr > total
+    names = np.array(COMPONENTS)
+    yes, no = ", ".join(names[supported]), ", ".join(names[~supported])
+    if not yes:
+        calibration = (
+            "This recording cannot calibrate inertial parameters: in every component the measurement's own "
+            "uncertainty explains all of the residual, so an identification would fit noise."
+        )
+    elif not no:
+        calibration = (
+            "This recording can calibrate inertial parameters: in every component the residual stands above "
+            "what the measurement's uncertainty explains."
+        )
+    else:
+        whose = "its" if supported.sum() == 1 else "their"
+        calibration = (
+            f"Only {yes} can calibrate inertial parameters: {whose} residual stands above the uncertainty. "
+            f"In {no} the measurement's own uncertainty explains all of the residual, so an identification "
+            "would fit noise there."
+        )
     return (
-        f"{_describe_calibration(dr > total)} The parameters at hand {said}: forces are left by "
+        f"{calibration} The parameters at hand {said}: forces are left by "
         f"{100 * force:.1f} % of body weight, moments by {100 * moment:.1f} % of body weight times stature."
     )
 
@@ -123,24 +143,3 @@ def is_inertia_dominant(dr: Array, sd: Array) -> NDArray[np.bool_]:
     [True, False]
     """
     return np.asarray(dr > LARGER * sd)
-
-
-def _describe_calibration(supported: NDArray[np.bool_]) -> str:
-    names = np.array(COMPONENTS)
-    yes, no = ", ".join(names[supported]), ", ".join(names[~supported])
-    if not yes:
-        return (
-            "This recording cannot calibrate inertial parameters: in every component the measurement's own "
-            "uncertainty explains all of the residual, so an identification would fit noise."
-        )
-    if not no:
-        return (
-            "This recording can calibrate inertial parameters: in every component the residual stands above "
-            "what the measurement's uncertainty explains."
-        )
-    one = supported.sum() == 1
-    return (
-        f"Only {yes} can calibrate inertial parameters: {'its' if one else 'their'} residual stands above "
-        f"the uncertainty. In {no} the measurement's own uncertainty explains all of the residual, so an "
-        "identification would fit noise there."
-    )

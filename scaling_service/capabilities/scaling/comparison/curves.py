@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import explain_no_cycles, find_gait_cycles
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.frames import SIDES, Side
+from scaling_service.model.anatomy import frames
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
@@ -34,7 +34,7 @@ TESTS = WaveformSettings(rearrangements=2000)
 
 _FEWEST_TESTED = 2
 
-Motions = Mapping[str, Mapping[str, Motion]]
+Motions = abc.Mapping[str, abc.Mapping[str, Motion]]
 """Method to trial to motion."""
 
 
@@ -46,7 +46,7 @@ class Curves:
     trial: str
     held_out: bool
     x: Array
-    values: Mapping[str, Array]
+    values: abc.Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -59,11 +59,11 @@ class CycleCurves:
     """
 
     name: str
-    mean: Mapping[str, Array]
-    sd: Mapping[str, Array]
+    mean: abc.Mapping[str, Array]
+    sd: abc.Mapping[str, Array]
     n_cycles: int
     anova: CurveTest | None = None
-    pairs: Mapping[str, CurveTest] = field(default_factory=dict)
+    pairs: abc.Mapping[str, CurveTest] = field(default_factory=dict)
 
     def describe(self, digits: int) -> dict[str, Any]:
         """Curves and test as documents hold them, but for the pairs."""
@@ -110,9 +110,9 @@ class StrideCurves:
     ``reasons``: ``r``, ``l`` to why there are none, where there are none.
     """
 
-    curves: Mapping[str, Mapping[str, Array]]
-    strides: Mapping[str, int]
-    reasons: Mapping[str, str]
+    curves: abc.Mapping[str, abc.Mapping[str, Array]]
+    strides: abc.Mapping[str, int]
+    reasons: abc.Mapping[str, str]
 
 
 def make_gait_curves(results: Results, reference: str) -> Gait:
@@ -125,7 +125,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
         group = [trial for trial in trials if (trial.name in results.held_out) == held_out]
         curves: list[CycleCurves] = []
         used: list[str] = []
-        for side in SIDES:
+        for side in frames.SIDES:
             angles = [name for name in _list_moving(results, group) if name.endswith(f"_{side}")]
             cut, _ = _cut_strides(group, [s.motions for s in results.scalings.values()], angles, side)
             if cut:
@@ -140,8 +140,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
         )
         if gait.curves:
             return gait
-    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
-    return Gait(reason=next(filter(None, reasons), "no whole stride is followed"))
+    return Gait(reason=explain_no_cycles(trials) or "no whole stride is followed")
 
 
 def _make_cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
@@ -168,17 +167,17 @@ def _make_cycle_curves(angle: str, values: Array, reference: str, results: Resul
     )
 
 
-def _list_angles(results: Results) -> tuple[str, ...]:
-    return list_joint_angles(next(iter(results.scalings.values())).calibration.model)
-
-
-def _list_moving(results: Results, trials: Sequence[Trial]) -> list[str]:
+def _list_moving(results: Results, trials: abc.Sequence[Trial]) -> list[str]:
     """The joint angles that some recording determines."""
     motions = [s.motions[t.name] for s in results.scalings.values() for t in trials]
-    return [name for name in _list_angles(results) if any(name in motion.estimated for motion in motions)]
+    return [
+        name
+        for name in list_joint_angles(next(iter(results.scalings.values())).calibration.model)
+        if any(name in motion.estimated for motion in motions)
+    ]
 
 
-def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:
+def make_stride_curves(trials: abc.Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:
     """Cut every method's joint angles at the strides that the markers show, and average them.
 
     A stride counts for all methods or for none: one in which any method's angle is not determined is left
@@ -191,7 +190,7 @@ def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyMod
     strides: dict[str, int] = {}
     reasons: dict[str, str] = {}
     every = [motion for of_method in motions.values() for motion in of_method.values()]
-    for side in SIDES:
+    for side in frames.SIDES:
         names = [
             n for n in list_leg_coordinates(model, side) if all(n in motion.estimated for motion in every)
         ]
@@ -207,7 +206,7 @@ def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyMod
     return StrideCurves(curves, strides, reasons)
 
 
-def list_leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
+def list_leg_coordinates(model: BodyModel, side: frames.Side) -> tuple[str, ...]:
     """The rotations of hip, knee and ankle of one side, by their OpenSim-like names (``hip_flexion_r``)."""
     return tuple(
         c.name
@@ -217,7 +216,10 @@ def list_leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
 
 
 def _cut_strides(
-    trials: Sequence[Trial], methods: Sequence[Mapping[str, Motion]], names: Sequence[str], side: Side
+    trials: abc.Sequence[Trial],
+    methods: abc.Sequence[abc.Mapping[str, Motion]],
+    names: abc.Sequence[str],
+    side: frames.Side,
 ) -> tuple[dict[str, list[Array]], list[str]]:
     """Trial to its strides that all methods follow, (n_methods, n_names, n_nodes), rad; why not others."""
     cut, why = dict[str, list[Array]](), list[str]()

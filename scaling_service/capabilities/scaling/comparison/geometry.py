@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,14 +11,9 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.methods.osim_image_based import find_axis_in_parent
 from scaling_service.core.arrays import Array
-from scaling_service.model import body
-from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths, straighten
-from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.parameters import Tilt, tilt_of
-from scaling_service.model.results import (
-    Calibration,
-    Motion,
-)
+from scaling_service.model import body, parameters, results
+from scaling_service.model import compile as compiling
+from scaling_service.model.anatomy import lengths as anatomy_lengths
 from scaling_service.numerics.multibody.tree import pose_markers
 
 _CORNERS: tuple[body.Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -45,40 +40,40 @@ class Geometry:
     ``marker_shifts``: marker to how far a fit moved it on its segment, m.
     """
 
-    lengths: Mapping[str, float]
-    joint_centres: Mapping[str, tuple[str, body.Vector]]
-    knee_axes: Mapping[str, tuple[float, float]]
-    marker_shifts: Mapping[str, float]
+    lengths: abc.Mapping[str, float]
+    joint_centres: abc.Mapping[str, tuple[str, body.Vector]]
+    knee_axes: abc.Mapping[str, tuple[float, float]]
+    marker_shifts: abc.Mapping[str, float]
 
 
-def measure_geometry(calibration: Calibration) -> Geometry:
+def measure_geometry(calibration: results.Calibration) -> Geometry:
     """Lengths, joint centres, knee axes and marker shifts of a calibration's model."""
     return Geometry(
-        measure_segment_lengths(calibration.model),
-        find_joint_centres(calibration.model),
+        anatomy_lengths.measure_segment_lengths(calibration.model),
+        anatomy_lengths.find_joint_centres(calibration.model),
         {_find_side(joint): tilt for joint, tilt in _measure_knee_tilts(calibration).items()},
         measure_marker_shifts(calibration),
     )
 
 
-def _measure_knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
+def _measure_knee_tilts(calibration: results.Calibration) -> dict[str, parameters.Tilt]:
     """The turns of each knee's axis from z of the thigh.
 
     An OpenSim model's joint has a frame of its own, turned against the thigh: where images moved the joint,
     the turns are those of the axis itself.
     """
     tilts = dict(calibration.axis_tilts)
-    values = straighten(calibration.model)
+    values = anatomy_lengths.straighten(calibration.model)
     for segment in calibration.model.segments:
         move = calibration.joint_moves.get(segment.joint_name)
         thigh = calibration.model.bone_of(segment.parent).startswith("femur")
         if thigh and move is not None and any(move.turn):
             axis = find_axis_in_parent(segment, values)
-            tilts[segment.joint_name] = tilt_of(axis if axis[2] > 0.0 else -axis)
+            tilts[segment.joint_name] = parameters.tilt_of(axis if axis[2] > 0.0 else -axis)
     return tilts
 
 
-def measure_marker_shifts(calibration: Calibration) -> dict[str, float]:
+def measure_marker_shifts(calibration: results.Calibration) -> dict[str, float]:
     """How far a fit moved each marker on its segment, beyond following the segment's size, m.
 
     The length of the variation of its local coordinates (Puchaud 2019, section 3.1), zero where the
@@ -110,8 +105,8 @@ def place_centres(
     Returns ``hip_r``, ``knee_r`` … that both have to the mean over frames, m; frames that do not determine it
         are left out. The reference seen from itself gives its own local coordinates.
     """
-    theirs = find_joint_centres(reference)
-    points = {name: at for name, at in find_joint_centres(model).items() if name in theirs}
+    theirs = anatomy_lengths.find_joint_centres(reference)
+    points = {name: at for name, at in anatomy_lengths.find_joint_centres(model).items() if name in theirs}
     placed = _in_ground(model, q, points)
     frames = {segment for name, (segment, _) in theirs.items() if name in points}
     corners = _in_ground(
@@ -132,11 +127,11 @@ def place_centres(
 
 
 def _in_ground(
-    model: body.BodyModel, q: Array, points: Mapping[str, tuple[str, body.Vector]]
+    model: body.BodyModel, q: Array, points: abc.Mapping[str, tuple[str, body.Vector]]
 ) -> dict[str, Array]:
     """Points of segments over all frames, each (n_frames, 3), m."""
     carrier = model.with_markers(tuple(body.Marker.at(name, *place) for name, place in points.items()))
-    placed = pose_markers(compile_model(carrier), q, list_parameter_values(carrier))
+    placed = pose_markers(compiling.compile_model(carrier), q, compiling.list_parameter_values(carrier))
     return {name: placed[:, k] for k, name in enumerate(points)}
 
 
@@ -153,12 +148,18 @@ def list_joint_angles(model: body.BodyModel) -> tuple[str, ...]:
 
 def compute_length_errors(model: body.BodyModel, truth: body.BodyModel) -> dict[str, float]:
     """Estimated minus true segment lengths, m, of those that both models have."""
-    ours, true = measure_segment_lengths(model), measure_segment_lengths(truth)
+    ours, true = (
+        anatomy_lengths.measure_segment_lengths(model),
+        anatomy_lengths.measure_segment_lengths(truth),
+    )
     return {name: ours[name] - true[name] for name in ours if name in true}
 
 
 def compute_centre_errors(
-    model: body.BodyModel, motions: Iterable[Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
+    model: body.BodyModel,
+    motions: abc.Iterable[results.Motion],
+    truth: body.BodyModel,
+    true_q: abc.Mapping[str, Array],
 ) -> dict[str, float]:
     """Mean distance between estimated and true joint centres in space, m.
 
@@ -169,15 +170,15 @@ def compute_centre_errors(
     """
     gaps: dict[str, list[Array]] = {}
     for motion in motions:
-        ours = _in_ground(model, motion.q, find_joint_centres(model))
-        true = _in_ground(truth, true_q[motion.trial], find_joint_centres(truth))
+        ours = _in_ground(model, motion.q, anatomy_lengths.find_joint_centres(model))
+        true = _in_ground(truth, true_q[motion.trial], anatomy_lengths.find_joint_centres(truth))
         for name in ours:
             gaps.setdefault(_without_side(name), []).append(np.linalg.norm(ours[name] - true[name], axis=1))
     return _pool_errors(gaps, lambda values: float(np.nanmean(values)))
 
 
 def compute_angle_errors(
-    motions: Iterable[Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
+    motions: abc.Iterable[results.Motion], truth: body.BodyModel, true_q: abc.Mapping[str, Array]
 ) -> dict[str, float]:
     """Root mean square difference between estimated and true joint angles, rad.
 
@@ -192,7 +193,9 @@ def compute_angle_errors(
     return _pool_errors(gaps, lambda values: float(np.sqrt(np.nanmean(values**2))))
 
 
-def _pool_errors(gaps: Mapping[str, list[Array]], measure: Callable[[Array], float]) -> dict[str, float]:
+def _pool_errors(
+    gaps: abc.Mapping[str, list[Array]], measure: abc.Callable[[Array], float]
+) -> dict[str, float]:
     return {name: measure(np.concatenate(values)) for name, values in gaps.items()}
 
 
@@ -201,8 +204,8 @@ def _without_side(name: str) -> str:
 
 
 def list_doubts(
-    errors: Mapping[str, Mapping[str, KinematicError]],
-    lengths: Mapping[str, Mapping[str, float]],
+    errors: abc.Mapping[str, abc.Mapping[str, KinematicError]],
+    lengths: abc.Mapping[str, abc.Mapping[str, float]],
     height_m: float | None,
 ) -> tuple[str, ...]:
     """What a reader should look at before believing any number.
@@ -210,40 +213,36 @@ def list_doubts(
     ``errors``, ``lengths``: method to trial to error, and method to length (``femur_r`` …) to m.
     One plain sentence each.
     """
-    return (*_describe_lost(errors), *(() if height_m is None else _describe_sizes(lengths, height_m)))
-
-
-def _describe_lost(errors: Mapping[str, Mapping[str, KinematicError]]) -> Iterator[str]:
+    lost: list[str] = []
     trials = dict.fromkeys(trial for by_trial in errors.values() for trial in by_trial)
     for trial in trials:
         best = min(by_trial[trial].mean for by_trial in errors.values() if trial in by_trial)
         if best > FOLLOWED_M:
-            yield (
+            lost.append(
                 f"no model follows the markers of '{trial}' better than {1e3 * best:.0f} mm on average: "
                 f"check its labels and unit, and that all recordings are of one person"
             )
+    if height_m is not None:
+        names = list(dict.fromkeys(name for found in lengths.values() for name in found))
+        usual = estimate_usual_lengths(height_m, names)
+        odd = {method: list_unusual(found, usual) for method, found in lengths.items()}
+        for name in names:
+            shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
+            if shown:
+                lost.append(
+                    f"{name} of {', '.join(shown)} is unusual for a height of {height_m:.2f} m "
+                    f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
+                )
+    return tuple(lost)
 
 
-def _describe_sizes(lengths: Mapping[str, Mapping[str, float]], height_m: float) -> Iterator[str]:
-    names = list(dict.fromkeys(name for found in lengths.values() for name in found))
-    usual = estimate_usual_lengths(height_m, names)
-    odd = {method: list_unusual(found, usual) for method, found in lengths.items()}
-    for name in names:
-        lengths_shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
-        if lengths_shown:
-            yield (
-                f"{name} of {', '.join(lengths_shown)} is unusual for a height of {height_m:.2f} m "
-                f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
-            )
-
-
-def estimate_usual_lengths(height_m: float | None, names: Iterable[str]) -> dict[str, float]:
+def estimate_usual_lengths(height_m: float | None, names: abc.Iterable[str]) -> dict[str, float]:
     """Length to what is usual for a height, m; empty where the height is not known."""
     shares = {name: SHARE_OF_STATURE.get(name.rpartition("_")[0]) for name in names}
     return {name: height_m * share for name, share in shares.items() if height_m is not None and share}
 
 
-def list_unusual(lengths: Mapping[str, float], usual: Mapping[str, float]) -> tuple[str, ...]:
+def list_unusual(lengths: abc.Mapping[str, float], usual: abc.Mapping[str, float]) -> tuple[str, ...]:
     """The lengths that differ from the usual ones by more than persons of one height do."""
     known = {name: length for name, length in lengths.items() if name in usual}
     return tuple(name for name, v in known.items() if abs(v - usual[name]) > SPREAD * usual[name])

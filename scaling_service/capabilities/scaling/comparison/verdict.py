@@ -7,7 +7,7 @@ model is often the one furthest from the bones (Puchaud 2019, sections 3.1 and 4
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import abc
 from typing import Literal
 
 from scaling_service.capabilities.scaling.comparison.evidence import (
@@ -20,7 +20,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
-from scaling_service.report.words import spell_name
+from scaling_service.report.words import spell_name, spell_parameters
 
 ANSWER = "MAP"
 """The method that weighs markers, images and what is ordinary in people, and states what is left open."""
@@ -66,33 +66,49 @@ def judge(evidence: Evidence) -> Verdict:
         raise ValueError("a verdict needs at least one method")
     answer = next((m for m in evidence.methods if m.method == ANSWER), None)
     chosen = answer or evidence.reference or evidence.methods[0]
-    doubts = tuple(_list_doubts(chosen, evidence))
-    strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
-    return Verdict(
-        method=chosen.method,
-        strength=strength,
-        headline=_write_headline(chosen, strength),
-        why=(*doubts, *_explain(chosen, evidence)),
-        trust=rate_trust(chosen, evidence),
-    )
-
-
-def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
-    """What speaks against the model, or against the recordings that it was made from."""
+    # What speaks against the model, or against the recordings that it was made from
+    doubts: list[str] = []
     if chosen.method != ANSWER:
-        yield (
+        doubts.append(
             f"{ANSWER} was not computed. Other methods hold something fixed that nobody knows, and their "
             f"distance from the markers does not tell how wrong that is."
         )
     if chosen.skin is not None and chosen.skin > STRANGE:
-        yield (
+        doubts.append(
             f"Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does: look for "
             f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
             "the model does not describe."
         )
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
-        yield f"{_describe_unusual(odd)} Check height, units and labels."
+        doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
+    strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
+    why: list[str] = []
+    if chosen.method == ANSWER:
+        images = "images, " if evidence.imaged else ""
+        why.append(
+            f"It weighs {images}markers and movements with what is ordinary in people, and every deviation "
+            "counts what they leave open; deviations are one standard deviation of the worst."
+        )
+    if chosen.by_people:
+        known = list_few(spell_parameters(chosen.by_people))
+        why.append(f"People in general say more about {known} than these recordings do.")
+    own = chosen.judged_on
+    judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
+    nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
+    if nearer:
+        why.append(
+            f"{list_few(nearer)} {'comes' if len(nearer) == 1 else 'come'} nearer to the markers, which is "
+            "no merit: what is free takes up skin, and of virtual persons such models are further from the "
+            "bones."
+        )
+    return Verdict(
+        method=chosen.method,
+        strength=strength,
+        headline=_write_headline(chosen, strength),
+        why=(*doubts, *why),
+        trust=rate_trust(chosen, evidence),
+    )
 
 
 def _describe_moment(worst: Moment | None) -> str:
@@ -112,7 +128,7 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     known = [
         f"{what} to ± {unit(max(sds.values()))}"
         for what, sds, unit in (
-            ("lengths", chosen.length_sds, _round_mm),
+            ("lengths", chosen.length_sds, lambda metres: f"{1e3 * metres:.0f} mm"),
             ("joint angles", chosen.angle_sds, _format_deg),
         )
         if sds
@@ -123,26 +139,6 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     if strength == "leaning":
         return f"Use {ANSWER} for this person, which leans on what is ordinary in people{said}."
     return f"Use {ANSWER} for this person{said}."
-
-
-def _explain(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
-    if chosen.method == ANSWER:
-        images = "images, " if evidence.imaged else ""
-        yield (
-            f"It weighs {images}markers and movements with what is ordinary in people, and every deviation "
-            "counts what they leave open; deviations are one standard deviation of the worst."
-        )
-    if chosen.by_people:
-        yield f"Of {list_few(chosen.by_people)} people in general say more than these recordings."
-    own = chosen.judged_on
-    judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
-    nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
-    if nearer:
-        yield (
-            f"{list_few(nearer)} {'comes' if len(nearer) == 1 else 'come'} nearer to the markers, which is "
-            "no merit: what is free takes up skin, and of virtual persons such models are further from the "
-            "bones."
-        )
 
 
 def rate_trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:
@@ -188,7 +184,7 @@ def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
 def _rate_angles(chosen: MethodEvidence) -> Graded:
     if not chosen.angle_sds:
         return "unknown", "Their deviations are not known here: see `ik`."
-    sds: Mapping[str, float] = chosen.angle_sds
+    sds: abc.Mapping[str, float] = chosen.angle_sds
     worst = max(sds, key=lambda name: sds[name])
     most = f"{_format_deg(sds[worst])} at most ({spell_name(worst)})"
     text = f"To ± {most}, RMS over frames; 5° may mislead a reader."
@@ -202,10 +198,6 @@ def _grade(value: float, good: float, fair: float) -> Level:
 def format_mm(metres: float) -> str:
     """Millimetres as shown to people."""
     return f"{1e3 * metres:.1f}"
-
-
-def _round_mm(metres: float) -> str:
-    return f"{1e3 * metres:.0f} mm"
 
 
 def _format_deg(angle: float) -> str:

@@ -10,7 +10,7 @@ same is seen again, over the prior's variance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,20 +24,8 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.estimator import (
-    Outcome,
-    Solution,
-    estimate_repetition,
-    estimate_residual_variance,
-    solve,
-)
-from scaling_service.numerics.least_squares.problem import (
-    SQUARED,
-    Huber,
-    Problem,
-    compute_total_cost,
-    find_seen,
-)
+from scaling_service.numerics.least_squares import estimator
+from scaling_service.numerics.least_squares import problem as problems
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts
 
@@ -54,7 +42,7 @@ class CalibrationFrames:
 
 
 def choose_calibration_frames(
-    trials: Sequence[Trial], markers: Sequence[str], count: int
+    trials: abc.Sequence[Trial], markers: abc.Sequence[str], count: int
 ) -> CalibrationFrames:
     """Frames equally spaced in time over all calibration trials (Puchaud 2019, section 2.2.4).
 
@@ -63,7 +51,7 @@ def choose_calibration_frames(
     Raises TrialUnusable: there is no frame to calibrate on.
     """
     measured = np.concatenate([np.zeros((0, len(markers), 3)), *(t.select(markers).markers for t in trials)])
-    usable = np.flatnonzero(find_seen(measured).any(axis=1))
+    usable = np.flatnonzero(problems.find_seen(measured).any(axis=1))
     if not len(usable):
         raise TrialUnusable(
             "no calibration trial shows a marker of the model",
@@ -75,16 +63,12 @@ def choose_calibration_frames(
     recording = Trial(
         name="calibration", times=clock, labels=tuple(markers), markers=measured[chosen], rate_hz=1.0
     )
-    return CalibrationFrames(recording, _number_blocks(trials)[chosen])
-
-
-def _number_blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
     parts = -(-_FEWEST_BLOCKS // len(trials))
     labels = [k * parts + (np.arange(t.n_frames) * parts) // t.n_frames for k, t in enumerate(trials)]
-    return np.concatenate(labels).astype(np.intp)
+    return CalibrationFrames(recording, np.concatenate(labels).astype(np.intp)[chosen])
 
 
-Progress = Callable[[int, float], None]
+Progress = abc.Callable[[int, float], None]
 """Called with the number of a step and what it left, m2."""
 
 
@@ -93,7 +77,7 @@ class Fit:
     """The bordered problem of one calibration, and where it starts."""
 
     task: Task
-    problem: Problem
+    problem: problems.Problem
     q0: Array
     p0: Array
     prior_sd: Array
@@ -105,12 +89,12 @@ class Fit:
     ) -> Fit:
         """Pose the problem: ``freed`` is the start's ``model`` with parameters."""
         q0 = solve_task(Task.of(model, frames.trial), frames.trial.times).q
-        loss = SQUARED if settings.robust_m is None else Huber(settings.robust_m)
+        loss = problems.SQUARED if settings.robust_m is None else problems.Huber(settings.robust_m)
         task = Task.of(freed, frames.trial)
         lower = np.array([p.lower for p in freed.parameters])
         upper = np.array([p.upper for p in freed.parameters])
         wide = [np.inf if p.prior_sd is None or not settings.prior else p.prior_sd for p in freed.parameters]
-        problem = Problem(
+        problem = problems.Problem(
             tree=task.tree,
             measured=task.measured,
             weights=task.weights,
@@ -134,12 +118,12 @@ class Fit:
 
     def noise(self, q: Array, p: Array) -> float:
         """Variance of a marker coordinate in one frame as if frames were independent (m2)."""
-        variance = estimate_residual_variance(self.problem, q, p)
-        return variance * estimate_repetition(self.problem, q, p, self.blocks, variance)
+        variance = estimator.estimate_residual_variance(self.problem, q, p)
+        return variance * estimator.estimate_repetition(self.problem, q, p, self.blocks, variance)
 
-    def error(self, solution: Solution) -> float:
+    def error(self, solution: estimator.Solution) -> float:
         """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
-        return compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
+        return problems.compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,19 +131,21 @@ class Fitted:
     """A solution with the fit that it solves, and the noise of one independent frame (m2)."""
 
     fit: Fit
-    solution: Solution
+    solution: estimator.Solution
     variance: float
 
 
 def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
     steps = 0
-    solution = Solution(q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=Outcome.MAX_STEPS)
+    solution = estimator.Solution(
+        q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=estimator.Outcome.MAX_STEPS
+    )
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
-        report = None if progress is None else partial(_report_later, progress, steps)
-        solution = solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
+        report = None if progress is None else partial(count_on, progress, steps)
+        solution = estimator.solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
         steps += solution.steps
         before, variance = variance, weighed.noise(solution.q, solution.p)
         if abs(variance - before) <= _SETTLED * before or not np.isfinite(fit.prior_sd).any():
@@ -167,24 +153,26 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     return Fitted(fit.with_prior(variance), replace(solution, steps=steps), variance)
 
 
-def _report_later(progress: Progress, steps: int, step: int, cost: float) -> None:
-    progress(steps + step, cost)
+def count_on(progress: Progress, before: int, number: int, cost: float) -> None:
+    """Report steps of several looks as one count."""
+    progress(before + number, cost)
 
 
 def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
     q, p = fit.q0, fit.p0
-    cost, outcome, loop = compute_total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
-    while outcome is Outcome.MAX_STEPS and loop < settings.max_loops:
+    cost, outcome, loop = (
+        problems.compute_total_cost(fit.problem, q, p, fit.p0),
+        estimator.Outcome.MAX_STEPS,
+        0,
+    )
+    while outcome is estimator.Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
-        p = solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
+        p = estimator.solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
-        before, cost = cost, compute_total_cost(fit.problem, q, p, fit.p0)
+        before, cost = cost, problems.compute_total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:
-            outcome = Outcome.CONVERGED
-    return Fitted(fit, Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))
-
-
-STRATEGIES = {"joint": fit_together, "alternating": fit_in_turn}
+            outcome = estimator.Outcome.CONVERGED
+    return Fitted(fit, estimator.Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))

@@ -7,32 +7,25 @@ expressed in ground in one posture, the standing one: the segments' poses are mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
+from scaling_service.capabilities.scaling.methods import placement
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import list_few
+from scaling_service.model import parameters
+from scaling_service.model import poses as posing
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import build_femur_frame
 from scaling_service.model.body import BodyModel
-from scaling_service.model.parameters import Tilt, tilt_of
-from scaling_service.model.poses import evaluate_marker, list_model_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import find_seen, find_shown
-from scaling_service.numerics.multibody.functional import (
-    Poses,
-    find_rotation_axis,
-    find_rotation_centre,
-    join_poses,
-    measure_ranges_of_motion,
-)
-from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import functional, rigid
 
 FOREIGN_M = 0.03
 """RMS misfit of a cluster beyond which a label is another marker's. Chosen: skin deforms a segment's
@@ -58,7 +51,7 @@ class Cluster:
     labels: tuple[str, ...]
     local: Array
 
-    def poses(self, trial: Trial) -> Poses:
+    def poses(self, trial: Trial) -> functional.Poses:
         """How the segment has moved since the posture.
 
         NaN in frames that show fewer than three of its markers, or markers that do not fit each other.
@@ -66,14 +59,14 @@ class Cluster:
         Soderkvist & Wedin 1993, J Biomech 26:1473-1477.
         """
         measured = trial.select(self.labels).markers
-        rotation, position = fit_rigid(self.local, measured)
+        rotation, position = rigid.fit_rigid(self.local, measured)
         gaps = np.einsum("nij,mj->nmi", rotation, self.local) + position[:, None] - measured
-        squared = np.where(find_seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
-        foreign = squared > FOREIGN_M**2 * np.maximum(find_seen(gaps).sum(axis=1), 1)
+        squared = np.where(problem.find_seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
+        foreign = squared > FOREIGN_M**2 * np.maximum(problem.find_seen(gaps).sum(axis=1), 1)
         rotation[foreign], position[foreign] = np.nan, np.nan
-        return Poses(rotation, position)
+        return functional.Poses(rotation, position)
 
-    def list_shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
+    def list_shown(self, trials: abc.Iterable[Trial]) -> tuple[str, ...]:
         """Those of its labels that at least one of the trials shows."""
         found = {label for trial in trials for label in trial.shown_labels}
         return tuple(label for label in self.labels if label in found)
@@ -87,12 +80,12 @@ class Posture:
     ``carriers``: segment to the labels on it.
     """
 
-    points: Mapping[str, Array]
-    carriers: Mapping[str, tuple[str, ...]]
+    points: abc.Mapping[str, Array]
+    carriers: abc.Mapping[str, tuple[str, ...]]
 
     @classmethod
     def of(
-        cls, model: BodyModel, extra: Mapping[str, str], static: Trial | None, trials: Sequence[Trial]
+        cls, model: BodyModel, extra: abc.Mapping[str, str], static: Trial | None, trials: abc.Sequence[Trial]
     ) -> Posture:
         """The mean of the static trial; without one, the frame of the others that shows most markers.
 
@@ -111,9 +104,9 @@ class Posture:
         else:
             nowhere = np.full((1, len(labels), 3), np.nan)
             places = np.concatenate([nowhere, *(t.select(labels).markers for t in trials)])
-            fullest = int(np.argmax(find_seen(places).sum(axis=1)))
+            fullest = int(np.argmax(problem.find_seen(places).sum(axis=1)))
             places = places[fullest : fullest + 1]
-        shown = find_shown(places)
+        shown = problem.find_shown(places)
         points = {label: np.nanmean(places[:, k], axis=0) for k, label in enumerate(labels) if shown[k]}
         return cls(
             points, {name: tuple(label for label in own if label in points) for name, own in carriers.items()}
@@ -142,8 +135,8 @@ class FunctionalJoints:
     """
 
     posture: Posture
-    hips: Mapping[str, Array] = field(default_factory=dict)
-    knees: Mapping[str, Array] = field(default_factory=dict)
+    hips: abc.Mapping[str, Array] = field(default_factory=dict)
+    knees: abc.Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def hip_in(self, trial: Trial, side: str) -> Array:
@@ -156,10 +149,14 @@ class _NotFound(Exception):
 
 
 def _find_both_sides(
-    joint: str, posture: Posture, trials: Sequence[Trial]
-) -> tuple[Mapping[str, Array], list[str]]:
+    joint: str, posture: Posture, trials: abc.Sequence[Trial]
+) -> tuple[abc.Mapping[str, Array], list[str]]:
     """What is found by side, and how; refused where neither side gives anything."""
-    find, what, instead = _SOUGHT[joint]
+    find, what, instead = (
+        (_find_hip, "functional centre", "the regression")
+        if joint == "hip"
+        else (_find_knee, "functional axis", "the epicondyles")
+    )
     found: dict[str, Array] = {}
     notes, reasons = list[str](), list[str]()
     for side in "rl":
@@ -170,7 +167,7 @@ def _find_both_sides(
             reasons.append(f"{joint}_{side}: {why}")
             notes.append(f"MB: {joint}_{side}: no {what}, {instead} in its place: {why}")
     if not found:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"no {what} of a {joint} can be found: {'; '.join(reasons)}",
             field="trials.calibration",
             remedy=f"Give functional movements of the {joint} and three markers on each segment "
@@ -179,21 +176,21 @@ def _find_both_sides(
     return found, notes
 
 
-def _find_hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
+def _find_hip(posture: Posture, trials: abc.Sequence[Trial], side: str) -> tuple[Array, str]:
     limits = (HIP_RANGE_DEG, HIP_RANGE_DEG)
     first, second, trials_used = _select_moving(posture, trials, "pelvis", f"femur_{side}", limits)
-    found = find_rotation_centre(first, second)
+    found = functional.find_rotation_centre(first, second)
     return found.proximal, (
         f"{trials_used}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
         f"standard deviation at least {1e3 * found.sd:.1f} mm"
     )
 
 
-def _find_knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
+def _find_knee(posture: Posture, trials: abc.Sequence[Trial], side: str) -> tuple[Array, str]:
     first, second, trials_used = _select_moving(
         posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,)
     )
-    found = find_rotation_axis(first, second)
+    found = functional.find_rotation_axis(first, second)
     if not found.sharpness < SHARPEST:
         raise _NotFound(f"no axis stands out in {trials_used}")
     return found.proximal, (
@@ -202,14 +199,24 @@ def _find_knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Ar
 
 
 def _select_moving(
-    posture: Posture, trials: Sequence[Trial], proximal: str, distal: str, limits_deg: Sequence[float]
-) -> tuple[Poses, Poses, str]:
+    posture: Posture, trials: abc.Sequence[Trial], proximal: str, distal: str, limits_deg: abc.Sequence[float]
+) -> tuple[functional.Poses, functional.Poses, str]:
     """Poses of both segments in the trials in which the joint moves enough, and which these are."""
-    clusters = [_require_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
+    clusters = []
+    for segment in (proximal, distal):
+        cluster = posture.cluster(segment)
+        shown = cluster.list_shown(trials)
+        if len(shown) < rigid.MIN_POINTS:
+            said = f" ({', '.join(shown)})" if shown else ""
+            raise _NotFound(
+                f"{cluster.segment} carries {len(shown)} markers that the static trial (or its stand-in) and "
+                f"the movements both show{said}, and its pose needs {rigid.MIN_POINTS}"
+            )
+        clusters.append(cluster)
     names, kept, best = [], [], np.zeros(len(limits_deg))
     for trial in trials:
         poses = clusters[0].poses(trial), clusters[1].poses(trial)
-        turned = np.degrees(np.nan_to_num(measure_ranges_of_motion(*poses)))[: len(limits_deg)]
+        turned = np.degrees(np.nan_to_num(functional.measure_ranges_of_motion(*poses)))[: len(limits_deg)]
         best = np.maximum(best, turned)
         if (turned >= limits_deg).all():
             used = int((poses[0].known & poses[1].known).sum())
@@ -220,29 +227,15 @@ def _select_moving(
             f"it turns by at most {_describe_angles(best)} in a calibration trial, "
             f"and {_describe_angles(limits_deg)} are needed"
         )
-    return join_poses([p for p, _ in kept]), join_poses([d for _, d in kept]), list_few(names)
+    return (
+        functional.join_poses([p for p, _ in kept]),
+        functional.join_poses([d for _, d in kept]),
+        list_few(names),
+    )
 
 
-def _require_enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
-    shown = cluster.list_shown(trials)
-    if len(shown) < MIN_POINTS:
-        names = f" ({', '.join(shown)})" if shown else ""
-        raise _NotFound(
-            f"{cluster.segment} carries {len(shown)} markers that the static trial (or its stand-in) and the "
-            f"movements both show{names}, and its pose needs {MIN_POINTS}"
-        )
-    return cluster
-
-
-def _describe_angles(values_deg: Sequence[float] | Array) -> str:
+def _describe_angles(values_deg: abc.Sequence[float] | Array) -> str:
     return f"{' and '.join(f'{v:.0f}' for v in values_deg)} deg"
-
-
-_SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Array, str]], str, str]] = {
-    "hip": (_find_hip, "functional centre", "the regression"),
-    "knee": (_find_knee, "functional axis", "the epicondyles"),
-}
-"""How a joint is sought, what is sought, and what stands in where it is not found."""
 
 
 def find_functional_joints(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:
@@ -258,14 +251,14 @@ def find_functional_joints(session: Session, settings: CalibrationSettings) -> F
     names = session.model.segment_names
     own_file = session.subject.model.lower().endswith(".osim")
     if own_file or not any({"pelvis", f"femur_{s}", f"tibia_{s}"} <= set(names) for s in "rl"):
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             "functional hip centres and knee axes are for built-in leg models: the joints of another model "
             "stay where it has them",
             field="model",
             remedy="Choose a built-in leg model, or take regression and epicondyles",
         )
     posture = Posture.of(session.model, session.subject.extra_markers, session.static, session.calibration)
-    found: dict[str, Mapping[str, Array]] = {"hip": {}, "knee": {}}
+    found: dict[str, abc.Mapping[str, Array]] = {"hip": {}, "knee": {}}
     notes = list[str]()
     for joint, how in (("hip", settings.hip_centre), ("knee", settings.knee_axis)):
         if how == "functional":
@@ -276,7 +269,7 @@ def find_functional_joints(session: Session, settings: CalibrationSettings) -> F
 
 def with_functional(
     model: BodyModel, joints: FunctionalJoints, points: Points, settings: CalibrationSettings
-) -> tuple[BodyModel, dict[str, Tilt], tuple[str, ...]]:
+) -> tuple[BodyModel, dict[str, parameters.Tilt], tuple[str, ...]]:
     """The scaled model with its joints where the movements have them.
 
     A hip centre is put where it lies among the pelvis' markers, fitted as inverse kinematics fits
@@ -288,24 +281,26 @@ def with_functional(
     """
     notes = []
     for side, centre in joints.hips.items():
-        cluster, values = joints.posture.cluster("pelvis"), list_model_values(model)
+        cluster, values = joints.posture.cluster("pelvis"), posing.list_model_values(model)
         known = [name for name in cluster.labels if name in model.marker_names]
-        local = [evaluate_marker(model.marker(name), values) for name in known]
-        rotation, position = fit_rigid(np.array(local), np.array([joints.posture.points[n] for n in known]))
+        local = [posing.evaluate_marker(model.marker(name), values) for name in known]
+        rotation, position = rigid.fit_rigid(
+            np.array(local), np.array([joints.posture.points[n] for n in known])
+        )
         x, y, z = (float(v) for v in rotation.T @ (centre - position))
-        model = with_centre(model, f"femur_{side}", ((x, y, z)))
-    tilts: dict[str, Tilt] = {}
+        model = placement.with_centre(model, f"femur_{side}", ((x, y, z)))
+    tilts: dict[str, parameters.Tilt] = {}
     for side, axis in joints.knees.items():
         joint = model.segment(f"tibia_{side}").joint_name
         try:
             tilts[joint] = _tilt(points, axis, side, settings)
-            model = with_axis(model, joint, tilts[joint])
+            model = placement.with_axis(model, joint, tilts[joint])
         except _NotFound as doubt:
             notes.append(f"MB: {joint}: the epicondyles in its place: {doubt}")
     return model, tilts, tuple(notes)
 
 
-def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> Tilt:
+def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> parameters.Tilt:
     """The axis' turns about x and y of the thigh, if they are believed."""
     names = [f"hip_{side}", f"{side.upper()}LFE", f"{side.upper()}MFE"]
     missing = [name for name in names if name not in points or not np.isfinite(points[name]).all()]
@@ -314,7 +309,7 @@ def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings)
     hip, lateral, medial = (points[name] for name in names)
     femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     direction = femur.rotation[0].T @ axis
-    tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
+    tilt = parameters.tilt_of(direction if direction[2] > 0.0 else -direction)
     x, y = np.degrees(tilt)
     if abs(x) > settings.axis_bound_x_deg or abs(y) > settings.axis_bound_y_deg:
         raise _NotFound(

@@ -23,20 +23,25 @@ from scaling_service.capabilities.scaling.methods.image_points import (
     size_beside_legs,
     size_by_lengths,
 )
+from scaling_service.capabilities.scaling.methods.imaged_pelvis import PelvisFit, fit_pelvis
 from scaling_service.capabilities.scaling.methods.osim_image_based import (
     Registration,
     mirror_knee,
     register_leg,
     register_pelvis,
 )
-from scaling_service.capabilities.scaling.methods.people_prior import find_imaged, measure_imaged
+from scaling_service.capabilities.scaling.methods.people_prior import (
+    UNKNOWN_SIZE,
+    find_imaged,
+    measure_imaged,
+)
 from scaling_service.capabilities.scaling.methods.placement import (
     move_markers,
     place_on,
     with_axis,
     with_centre,
 )
-from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
+from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import list_few
@@ -46,6 +51,7 @@ from scaling_service.model.body import BodyModel, Marker, Vector, to_vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.people import read_people
 from scaling_service.model.results import Calibration, EstimatedCentre, SegmentSize
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -132,15 +138,36 @@ def _with_hips(model: BodyModel, evidence: ImageEvidence, pelvis: Frames) -> Bod
     return model
 
 
+def _fit_pelvis(session: Session, start: Calibration, image: Frames) -> PelvisFit:
+    """The start's pelvis against the image's; people's widths and depths say how directions differ."""
+    assert session.images is not None
+    name = str(find_segment(start.model, "pelvis", ""))
+    expected, size = expect_dimensions(session.subject), start.sizes.get(name)
+    rows = [expected.names.index(dimension) for dimension in ("pelvis_width", "pelvis_depth")]
+    ratio = np.array([1.0, -1.0]) @ expected.covariance[np.ix_(rows, rows)] @ np.array([1.0, -1.0])
+    return fit_pelvis(
+        start.model,
+        name,
+        session.images,
+        image,
+        size_sd=UNKNOWN_SIZE if size is None else size.sd,
+        shape_sd=float(np.sqrt(ratio / 2.0)),
+    )
+
+
 def _bring_onto_bones(
-    start: Calibration, evidence: ImageEvidence, parts: ImagedParts, standing: Trial | None
+    start: Calibration,
+    evidence: ImageEvidence,
+    parts: ImagedParts,
+    standing: Trial | None,
+    pelvis: PelvisFit | None,
 ) -> Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
     sides = parts.thighs
     names = {s: tuple(find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
     found = Registration(start.model)
-    if parts.pelvis is not None:
-        register_pelvis(found, evidence, parts.pelvis)
+    if parts.pelvis is not None and pelvis is not None:
+        register_pelvis(found, evidence, parts.pelvis, pelvis)
     for side in sides:
         register_leg(found, evidence, side, _find_rightward(evidence, side))
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
@@ -228,10 +255,12 @@ def _list_osim_notes(
     return notes
 
 
-def _list_factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
+def _list_factors(start: Calibration, model: BodyModel, pelvis: PelvisFit | None) -> dict[str, Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
     generic, now = measure_segment_lengths(start.generic), measure_segment_lengths(model)
     factors = dict(start.scale_factors)
+    if pelvis is not None:
+        factors["pelvis"] = to_vector(np.multiply(factors.get("pelvis", (1.0, 1.0, 1.0)), pelvis.factors))
     for side in "rl":
         for segment, length in ((f"femur_{side}", f"femur_{side}"), (f"tibia_{side}", f"shank_{side}")):
             if segment in factors and length in now:
@@ -271,15 +300,16 @@ def _scale(
     if parts.pelvis is None and not sides:
         return size_by_lengths(session, settings, start, evidence)
     base = size_beside_legs(session, settings, start, evidence)
+    pelvis = None if parts.pelvis is None else _fit_pelvis(session, base, parts.pelvis)
     if session.subject.model.lower().endswith(".osim"):
-        onto = _bring_onto_bones(base, evidence, parts, standing)
+        onto = _bring_onto_bones(base, evidence, parts, standing, pelvis)
         doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
         return replace(onto, warnings=(*onto.warnings, *doubts))
     model, notes = base.model, [*base.warnings]
     frames: dict[str, Frames] = {}
-    if parts.pelvis is not None:
+    if parts.pelvis is not None and pelvis is not None:
         frames["pelvis"] = parts.pelvis
-        model = _with_hips(model, evidence, parts.pelvis)
+        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), evidence, parts.pelvis)
     tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     for side in sides:
         leg = _measure_leg(evidence, side)
@@ -307,7 +337,7 @@ def _scale(
         method="EB",
         model=model,
         generic=base.generic,
-        scale_factors=_list_factors(base, model),
+        scale_factors=_list_factors(base, model, pelvis),
         axis_tilts=tilts,
         warnings=tuple(notes),
         image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
@@ -329,7 +359,7 @@ def _state_deviations(found: Calibration, evidence: ImageEvidence) -> Calibratio
         dimension = find_dimension(found.model.bone_of(segment))
         if dimension in sds:
             length, sd = sds[dimension]
-            factor = found.scale_factors.get(segment, (1.0, 1.0, 1.0))[1]
+            factor = length / measure_segment_lengths(found.generic)[dimension]
             sizes[segment] = SegmentSize(
                 dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
             )

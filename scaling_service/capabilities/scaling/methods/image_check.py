@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import people as population
+from scaling_service.model import trial
 from scaling_service.model.anatomy.frames import build_pelvis_frame
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.people import People, read_people
-from scaling_service.model.trial import ImageEvidence, Trial
 
 _DOUBTFUL, _IMPOSSIBLE = 3.0, 6.0  # deviations before it is said, and before it is refused; chosen
 _IMPOSSIBLE_SHARE = 0.3  # chosen: beside them, as of lengths between joints: what no marker is misplaced by
@@ -21,41 +20,32 @@ _HIP_REMEDY = (
 )
 _REMEDY = "check that bones and recordings are of one person, the labels, and the unit of the bones"
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Span:
-    """Two landmarks of one bone. ``outwards``: whether skin lies outwards of both, along their line."""
-
-    words: str
-    ends: tuple[str, str]
-    bone: str
-    outwards: bool = False
-
-
 _PELVIS = (
-    _Span(words="between the front spines", ends=("RASIS", "LASIS"), bone="pelvis"),
-    _Span(words="between the rear spines", ends=("RPSIS", "LPSIS"), bone="pelvis"),
-    _Span(words="from right front to rear spine", ends=("RASIS", "RPSIS"), bone="pelvis", outwards=True),
-    _Span(words="from left front to rear spine", ends=("LASIS", "LPSIS"), bone="pelvis", outwards=True),
+    ("between the front spines", ("RASIS", "LASIS"), "pelvis", False),
+    ("between the rear spines", ("RPSIS", "LPSIS"), "pelvis", False),
+    ("from right front to rear spine", ("RASIS", "RPSIS"), "pelvis", True),
+    ("from left front to rear spine", ("LASIS", "LPSIS"), "pelvis", True),
 )
+"""Two landmarks of one bone, and whether skin lies outwards of both, along their line."""
+
 _LEG = (
     ("between the epicondyles", "LFE", "MFE", "femur", True),
     ("between the malleoli", "LM", "MM", "tibia", True),
     ("from the fibula's head to its malleolus", "FH", "LM", "tibia", False),
 )
 _SPANS = _PELVIS + tuple(
-    _Span(
-        words=f"{words} of the {side} leg",
-        ends=(side[0].upper() + first, side[0].upper() + second),
-        bone=f"{bone}_{side[0]}",
-        outwards=outwards,
+    (
+        f"{words} of the {side} leg",
+        (f"{side[0].upper()}{first}", f"{side[0].upper()}{second}"),
+        f"{bone}_{side[0]}",
+        outwards,
     )
     for side in ("right", "left")
     for words, first, second, bone, outwards in _LEG
 )
 
 
-def doubt_landmarks(evidence: ImageEvidence, standing: Trial | None) -> list[str]:
+def doubt_landmarks(evidence: trial.ImageEvidence, standing: trial.Trial | None) -> list[str]:
     """A warning for hips where no person's are, and for each distance in the image that markers do not have.
 
     Hips: below the pelvis's own spines as a regression has them. Distances: between the image's own markers
@@ -67,11 +57,11 @@ def doubt_landmarks(evidence: ImageEvidence, standing: Trial | None) -> list[str
     return [*_compare_hips(evidence), *([] if standing is None else _compare(evidence, standing))]
 
 
-def _compare_hips(evidence: ImageEvidence) -> Iterator[str]:
+def _compare_hips(evidence: trial.ImageEvidence) -> Iterator[str]:
     """A warning for a hip that lies where no person's does in a pelvis of such spines."""
     if not {"RASIS", "LASIS", "RPSIS", "LPSIS"} <= evidence.landmarks.keys():
         return
-    people = read_people()
+    people = population.read_people()
     spines = [np.array(evidence.landmarks[name]) for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
     usual = predict_hip_centres(*spines, regression="harrington2007_single")  # by the width alone
     frame = build_pelvis_frame(*spines)
@@ -94,34 +84,36 @@ def _compare_hips(evidence: ImageEvidence) -> Iterator[str]:
         yield f"EB: {said}: {_HIP_REMEDY}"
 
 
-def _expect(evidence: ImageEvidence, span: _Span, people: People) -> tuple[float, float, bool] | None:
+def _expect(
+    evidence: trial.ImageEvidence, ends: tuple[str, str], bone: str, outwards: bool, people: population.People
+) -> tuple[float, float, bool] | None:
     """Distance of markers by the image, its deviation, m, and whether skin may widen it; None if unseen."""
     imaged = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
-    skin = not set(span.ends) <= imaged.keys()
+    skin = not set(ends) <= imaged.keys()
     places = evidence.landmarks if skin else imaged
-    if not set(span.ends) <= places.keys():
+    if not set(ends) <= places.keys():
         return None
-    first, second = (np.array(places[end]) for end in span.ends)
+    first, second = (np.array(places[end]) for end in ends)
     apart = float(np.linalg.norm(first - second))
     variance = 0.0
-    for end in span.ends:
+    for end in ends:
         variance += float(np.mean(np.square(people.place_sd(end[1:]))))
         variance += evidence.deviations.get(end, 0.0) ** 2 / 3.0 if skin else people.image_marker**2
-    if skin and span.outwards and span.bone == "pelvis":
+    if skin and outwards and bone == "pelvis":
         for mean, sd in (people.skin_over_asis, people.skin_over_psis):
             apart, variance = apart + mean, variance + sd**2
-    return apart, float(np.sqrt(variance)), skin and span.outwards and span.bone != "pelvis"
+    return apart, float(np.sqrt(variance)), skin and outwards and bone != "pelvis"
 
 
-def _compare(evidence: ImageEvidence, standing: Trial) -> Iterator[str]:
-    people = read_people()
+def _compare(evidence: trial.ImageEvidence, standing: trial.Trial) -> Iterator[str]:
+    people = population.read_people()
     shown = {find_canonical(label) or label: label for label in standing.shown_labels}
-    for span in _SPANS:
-        found = _expect(evidence, span, people)
-        if found is None or not set(span.ends) <= shown.keys():
+    for words, between, bone, outwards in _SPANS:
+        found = _expect(evidence, between, bone, outwards, people)
+        if found is None or not set(between) <= shown.keys():
             continue
         expected, sd, widened = found
-        ends = [standing.position(shown[end]) for end in span.ends]
+        ends = [standing.position(shown[end]) for end in between]
         marked = float(np.nanmedian(np.linalg.norm(ends[0] - ends[1], axis=1)))
         if widened and marked > expected:
             continue
@@ -129,9 +121,9 @@ def _compare(evidence: ImageEvidence, standing: Trial) -> Iterator[str]:
         if off <= _DOUBTFUL * sd:
             continue
         said = (
-            f"{span.words} markers would stand {1e3 * expected:.0f} ± {1e3 * sd:.0f} mm apart by the image, "
+            f"{words} markers would stand {1e3 * expected:.0f} ± {1e3 * sd:.0f} mm apart by the image, "
             f"and are {1e3 * marked:.0f} mm apart in the standing trial"
         )
         if off > _IMPOSSIBLE * sd and off > _IMPOSSIBLE_SHARE * expected:
-            raise SubjectInvalid(said, field=f"bones.{span.bone}", remedy=_REMEDY[0].upper() + _REMEDY[1:])
+            raise SubjectInvalid(said, field=f"bones.{bone}", remedy=_REMEDY[0].upper() + _REMEDY[1:])
         yield f"EB: {said}: {_REMEDY}"

@@ -33,13 +33,19 @@ _ENDS = {"inter_hip": ("hip_r", "hip_l")} | {
 }
 
 
-def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
-    """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
+def find_imaged_spines(evidence: ImageEvidence) -> tuple[dict[str, Array], bool]:
+    """The four spines in the image, (3,) m, and True; or the markers over them and False; or nothing."""
     skin = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
-    for points in (evidence.landmarks, skin):
+    for points, bony in ((evidence.landmarks, True), (skin, False)):
         if all(name in points for name in _PELVIS):
-            return build_pelvis_frame(*(points[name] for name in _PELVIS))
-    return None
+            return {name: np.array(points[name]) for name in _PELVIS}, bony
+    return {}, False
+
+
+def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
+    """The pelvis frame of the spines, or of the markers over them, where all four are in the image."""
+    spines, _ = find_imaged_spines(evidence)
+    return build_pelvis_frame(*spines.values()) if spines else None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -9,38 +9,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from scaling_service.capabilities.scaling.methods.fitting import (
-    STRATEGIES,
-    Fit,
-    Progress,
-    choose_calibration_frames,
-)
-from scaling_service.capabilities.scaling.sizes.measurements import AXES, read_fitted_factor
+from scaling_service.capabilities.scaling.methods import fitting
+from scaling_service.capabilities.scaling.sizes import measurements
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
+from scaling_service.model import body, parameters, results
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import BodyModel, Segment
-from scaling_service.model.parameters import (
-    compose_tilts,
-    fold,
-    free_axis,
-    free_marker,
-    free_scale,
-    free_scale_axes,
-)
-from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.subject import Session
-from scaling_service.numerics.least_squares.estimator import (
-    Outcome,
-    Solution,
-    Uncertainty,
-    estimate_uncertainty,
-)
+from scaling_service.numerics.least_squares import estimator
 
 SELECTED_COORDINATES = {"PSIS": "xz", "ASIS": "xz", "LFE": "", "MFE": "xz", "FH": "xz", "LM": "", "MM": "x"}
 """Local coordinates that MB_lam frees, by landmark without its side (Puchaud 2019, table 1)."""
@@ -72,11 +52,11 @@ class Freedom:
 
     def apply(
         self,
-        model: BodyModel,
+        model: body.BodyModel,
         seen: frozenset[str],
         settings: CalibrationSettings,
-        length_sds: Mapping[str, float] = MappingProxyType({}),
-    ) -> BodyModel:
+        length_sds: abc.Mapping[str, float] = MappingProxyType({}),
+    ) -> body.BodyModel:
         """The model with its parameters freed.
 
         Only what the recordings can speak of is freed: markers that were seen, and sizes of
@@ -94,7 +74,7 @@ class Freedom:
                     model = _free_size(model, segment.name, settings, known)
         bounds = (math.radians(settings.axis_bound_x_deg), math.radians(settings.axis_bound_y_deg))
         for joint in find_tiltable_knees(model):
-            model = free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
+            model = parameters.free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
         level = find_level_feet(model)
         for marker in model.markers:
             if marker.name in seen and marker.weight > 0.0:
@@ -102,17 +82,19 @@ class Freedom:
                 if marker.segment in level:
                     axes = LEVEL_FOOT["all" if self.all_markers else "selected"]
                 if axes:
-                    model = free_marker(
+                    model = parameters.free_marker(
                         model, marker.name, axes, settings.marker_bound_m, settings.marker_sd_m
                     )
         return model
 
 
-def _free_size(model: BodyModel, segment: str, settings: CalibrationSettings, sd: float) -> BodyModel:
+def _free_size(
+    model: body.BodyModel, segment: str, settings: CalibrationSettings, sd: float
+) -> body.BodyModel:
     spread = (settings.length_bound, sd)
-    if settings.scaling == "per-axis" and segment in AXES:
-        return free_scale_axes(model, segment, AXES[segment], *spread)
-    return free_scale(model, segment, *spread)
+    if settings.scaling == "per-axis" and segment in measurements.AXES:
+        return parameters.free_scale_axes(model, segment, measurements.AXES[segment], *spread)
+    return parameters.free_scale(model, segment, *spread)
 
 
 def select_coordinates(marker: str) -> str:
@@ -123,7 +105,7 @@ def select_coordinates(marker: str) -> str:
     return SELECTED_COORDINATES.get(landmark[1:], OTHER_COORDINATES)
 
 
-def find_level_feet(model: BodyModel) -> frozenset[str]:
+def find_level_feet(model: body.BodyModel) -> frozenset[str]:
     """The feet that turn in two ways or more against their shank, in one joint."""
     return frozenset(
         s.name
@@ -132,7 +114,7 @@ def find_level_feet(model: BodyModel) -> frozenset[str]:
     )
 
 
-def find_tiltable_knees(model: BodyModel) -> tuple[str, ...]:
+def find_tiltable_knees(model: body.BodyModel) -> tuple[str, ...]:
     """The knees (joints to a tibia) whose axis says something: three free turns reach any orientation.
 
     Turns that are coupled to flexion are not free: their axes turn with the axis of flexion.
@@ -140,11 +122,11 @@ def find_tiltable_knees(model: BodyModel) -> tuple[str, ...]:
     return tuple(s.joint_name for s in _list_shanks(model) if 0 < len(_list_turning_coordinates(s)) < 3)
 
 
-def _list_shanks(model: BodyModel) -> list[Segment]:
+def _list_shanks(model: body.BodyModel) -> list[body.Segment]:
     return [s for s in model.segments if model.bone_of(s.name).startswith("tibia")]
 
 
-def _list_turning_coordinates(segment: Segment) -> set[str]:
+def _list_turning_coordinates(segment: body.Segment) -> set[str]:
     """The coordinates that turn a segment against its parent."""
     return {
         term.coordinate
@@ -155,48 +137,15 @@ def _list_turning_coordinates(segment: Segment) -> set[str]:
     }
 
 
-def _list_parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[EstimatedParameter, ...]:
-    found = []
-    for k, parameter in enumerate(freed.parameters):
-        at_bound = bool(doubt.at_bound[k])
-        spread = parameter.prior_sd or (parameter.upper - parameter.lower) / _UNIFORM
-        telling = at_bound or doubt.sd[k] ** 2 < _HALF * spread**2
-        known = bool(telling and doubt.undetermined[k] <= _DETERMINED)
-        found.append(
-            EstimatedParameter(
-                name=parameter.name,
-                value=float(p[k]),
-                unit=parameter.unit,
-                sd=float(doubt.sd[k]),
-                at_bound=at_bound,
-                identifiable=known,
-                group=parameter.group,
-                target=parameter.target,
-            )
-        )
-    return tuple(found)
-
-
-def _list_tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
-    fitted = {
-        joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
-        for joint in find_tiltable_knees(start.model)
-    }
-    turned = {
-        joint: compose_tilts(start.axis_tilts.get(joint, (0.0, 0.0)), tilt) for joint, tilt in fitted.items()
-    }
-    return {**start.axis_tilts, **turned}
-
-
 def _list_warnings(
     method: str,
-    estimated: Sequence[EstimatedParameter],
-    solution: Solution,
-    doubt: Uncertainty,
-    sds: Mapping[str, float],
+    estimated: abc.Sequence[results.EstimatedParameter],
+    solution: estimator.Solution,
+    doubt: estimator.Uncertainty,
+    sds: abc.Mapping[str, float],
 ) -> tuple[str, ...]:
     found = []
-    if solution.outcome is not Outcome.CONVERGED:
+    if solution.outcome is not estimator.Outcome.CONVERGED:
         found.append(f"{method}: stopped after {solution.steps} steps before it converged")
     bound = [p.name for p in estimated if p.at_bound]
     loose = [p.name for p in estimated if not p.identifiable]
@@ -235,7 +184,7 @@ class Optimised:
     needs_images: bool = False
     needs_movements: bool = True
 
-    def _note_kept_knees(self, model: BodyModel) -> list[str]:
+    def _note_kept_knees(self, model: body.BodyModel) -> list[str]:
         """A note on knees whose axes the image gave and no movement turns."""
         kept = [s.joint_name for s in _list_shanks(model) if len(_list_turning_coordinates(s)) >= 3]
         if not kept or not self.needs_images:
@@ -248,10 +197,10 @@ class Optimised:
     def calibrate(
         self,
         session: Session,
-        start: Calibration | None,
+        start: results.Calibration | None,
         settings: CalibrationSettings,
-        progress: Progress | None,
-    ) -> Calibration:
+        progress: fitting.Progress | None,
+    ) -> results.Calibration:
         """Free what the method frees on the start's model, and fit it to the calibration trials.
 
         Raises TrialUnusable: no calibration trial shows a marker of the model.
@@ -259,31 +208,56 @@ class Optimised:
         assert start is not None
         clock = time.perf_counter()
         names = [m.name for m in start.model.markers if m.weight > 0.0]
-        frames = choose_calibration_frames(session.calibration, names, settings.n_frames)
+        frames = fitting.choose_calibration_frames(session.calibration, names, settings.n_frames)
         shown = frozenset(frames.trial.shown_labels)
         weighted = settings.sizes == "weighted"
         sds = {name: size.sd for name, size in start.sizes.items()} if weighted else {}
         freed = self.freedom.apply(start.model, shown, settings, sds)
-        fitted = STRATEGIES[settings.strategy](
-            Fit.of(start.model, freed, frames, settings), settings, progress
-        )
+        fit_movement = fitting.fit_in_turn if settings.strategy == "alternating" else fitting.fit_together
+        fitted = fit_movement(fitting.Fit.of(start.model, freed, frames, settings), settings, progress)
         fit, solution = fitted.fit, fitted.solution
-        doubt = estimate_uncertainty(fit.problem, solution, fit.p0, fitted.variance)
-        estimated = _list_parameters(freed, solution.p, doubt)
+        doubt = estimator.estimate_uncertainty(fit.problem, solution, fit.p0, fitted.variance)
+        found = []
+        for k, parameter in enumerate(freed.parameters):
+            at_bound = bool(doubt.at_bound[k])
+            spread = parameter.prior_sd or (parameter.upper - parameter.lower) / _UNIFORM
+            telling = at_bound or doubt.sd[k] ** 2 < _HALF * spread**2
+            known = bool(telling and doubt.undetermined[k] <= _DETERMINED)
+            found.append(
+                results.EstimatedParameter(
+                    name=parameter.name,
+                    value=float(solution.p[k]),
+                    unit=parameter.unit,
+                    sd=float(doubt.sd[k]),
+                    at_bound=at_bound,
+                    identifiable=known,
+                    group=parameter.group,
+                    target=parameter.target,
+                )
+            )
+        estimated = tuple(found)
         values = {p.name: p.value for p in estimated}
         warnings = [*start.warnings, *self._note_kept_knees(start.model)]
         warnings += _list_warnings(self.name, estimated, solution, doubt, sds)
         factors = {}
         for segment in start.model.segment_names:
             x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
-            kx, ky, kz = read_fitted_factor(values, segment)
+            kx, ky, kz = measurements.read_fitted_factor(values, segment)
             factors[segment] = (kx * x, ky * y, kz * z)
-        return Calibration(
+        tilts = {
+            joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
+            for joint in find_tiltable_knees(start.model)
+        }
+        turned = {
+            joint: parameters.compose_tilts(start.axis_tilts.get(joint, (0.0, 0.0)), tilt)
+            for joint, tilt in tilts.items()
+        }
+        return results.Calibration(
             method=self.name,
-            model=fold(freed, values),
+            model=parameters.fold(freed, values),
             generic=start.generic,
             scale_factors=factors,
-            axis_tilts=_list_tilts(start, values),
+            axis_tilts={**start.axis_tilts, **turned},
             parameters=estimated,
             cost=fit.error(solution),
             iterations=solution.steps,
@@ -294,24 +268,3 @@ class Optimised:
             bone_sized=start.bone_sized,
             joint_moves=start.joint_moves,
         )
-
-
-MB_LAM = Optimised(
-    name="MB_lam",
-    title="lengths, knee axes and selected marker coordinates fitted to movement",
-    needs="MB",
-    freedom=Freedom(lengths=True, all_markers=False),
-)
-MB_AM = Optimised(
-    name="MB_am",
-    title="knee axes and all marker coordinates fitted to movement",
-    needs="MB",
-    freedom=Freedom(lengths=False, all_markers=True),
-)
-EB_AM = Optimised(
-    name="EB_am",
-    title="knee axes and all marker coordinates of the image-based model fitted to movement",
-    needs="EB",
-    freedom=Freedom(lengths=False, all_markers=True),
-    needs_images=True,
-)

@@ -1,8 +1,9 @@
 """Image-based scaling of an OpenSim model: its own segments and joints brought onto the person's bones.
 
-Each segment takes one factor, so that the distance between its joint centres is the image's, and is laid into
-the image by them: the pelvis by both hip centres and its spines, the thigh by hip, knee and flexion axis, the
-shank by the knee's own law to where the ankle shows. What a factor cannot do, a joint is moved or turned for.
+Thigh and shank take one factor each, so that the distance between their joint centres is the image's, and are
+laid into the image by them: the thigh by hip, knee and flexion axis, the shank by the knee's own law to where
+the ankle shows. The pelvis takes a factor along each of its axes (:mod:`.imaged_pelvis`). What factors cannot
+do, a joint is moved or turned for.
 Segments without a bone stay as markers have them.
 """
 
@@ -14,12 +15,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from scaling_service.capabilities.scaling.methods.imaged_pelvis import (
+    PelvisFit,
+    find_imaged_hips,
+    place_hips,
+    refuse_without_joint,
+)
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model.anatomy.frames import Frames
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
-from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
 from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
@@ -36,12 +42,12 @@ class Registration:
     """A model on its way onto the bones of an image."""
 
     model: BodyModel
-    # ratios: segment to its size over the model's before; poses: segment to where it lies in the image
-    ratios: dict[str, float] = field(default_factory=dict)
+    # ratios: segment to its sizes over the model's before; poses: segment to where it lies in the image
+    ratios: dict[str, Vector] = field(default_factory=dict)
     poses: dict[str, ImagePose] = field(default_factory=dict)
     moves: dict[str, JointMove] = field(default_factory=dict)
 
-    def resize(self, ratios: Mapping[str, float]) -> None:
+    def resize(self, ratios: Mapping[str, Vector]) -> None:
         """Multiply segments' sizes, and those of what belongs to them, as the patella to the thigh."""
         spread = dict(ratios)
         for segment in self.model.segments:
@@ -49,8 +55,10 @@ class Registration:
             alike = own in (None, carried)
             if segment.name not in spread and segment.parent in spread and alike:
                 spread[segment.name] = spread[segment.parent]
-        self.model = scale_model(self.model, {name: (ratio,) * 3 for name, ratio in spread.items()})
-        self.ratios |= {name: self.ratios.get(name, 1.0) * ratio for name, ratio in spread.items()}
+        self.model = scale_model(self.model, spread)
+        self.ratios |= {
+            name: to_vector(np.multiply(self.ratios.get(name, 1.0), ratio)) for name, ratio in spread.items()
+        }
 
     def shift(self, segment: Segment, by: Array) -> None:
         """Move the centre of the joint that carries a segment, m, in its parent's frame."""
@@ -135,64 +143,18 @@ def find_axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
     return axis
 
 
-def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames) -> None:
-    """Lay the pelvis between the hip centres, and move its hips to them; its size stays.
-
-    How far apart the hips are says little of the rest of a pelvis: of two persons they were 10 and 20 %
-    further apart than Rajagopal's, and the bone, by where muscles lie on it, 3 % smaller and 5 % larger.
-
-    ``image``: the frame of the spines in the image, as :func:`build_pelvis_frame`. It gives the turn about
-    the line of the hips, for which the model's own spines are marked; without marks its x axis serves.
-    """
+def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames, fit: PelvisFit) -> None:
+    """Size the pelvis along each of its axes, lay it by spines and hips, and move its hips to the image's."""
     name = find_segment(found.model, "pelvis", "")
     assert name is not None
-    seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
-    ours = _place_hips(found.model, name)
-    if len(seen) < 2:  # half a pelvis: the other hip is its mirror image
-        ((side, at),) = seen.items()
-        mirrored = image.to_local(at)[0] * (1.0, 1.0, -1.0)
-        seen["l" if side == "r" else "r"] = image.to_ground(mirrored)[0]
-    forward = _find_model_forward(found.model, name)
-    rotation = (
-        _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
-        @ _make_axes(ours["r"] - ours["l"], forward).T
-    )
-    middle = 0.5 * (ours["r"] + ours["l"])
-    pose = found.poses[name] = ImagePose(rotation, 0.5 * (seen["r"] + seen["l"]) - rotation @ middle)
+    found.resize({name: fit.factors})
+    pose = found.poses[name] = fit.pose
+    ours, seen = place_hips(found.model, name), find_imaged_hips(evidence, image)
     for side in "rl":
         femur = find_segment(found.model, "femur", side)
         if femur is not None:
             first, *_ = list_chain(found.model, name, femur)
             found.shift(first, pose.to_local(seen[side]) - ours[side])
-
-
-def _place_hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
-    """Both hip centres in the pelvis's frame, (3,) m; of one leg alone the other's is its mirror image."""
-    found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := find_joint_ends(model, "hip", side))}
-    for side, other in ("rl", "lr"):
-        if other in found:
-            found.setdefault(side, found[other] * (1.0, 1.0, -1.0))
-    if not found:
-        raise _refuse_without_joint("hip", pelvis)
-    return found
-
-
-def _refuse_without_joint(joint: str, segment: str) -> SubjectInvalid:
-    return SubjectInvalid(
-        f"the model has no {joint} on its '{segment}', which the bones could be brought to",
-        field="model",
-        remedy="Give a model whose pelvis, thigh, shank and foot hang on one another, or leave out `bones:`",
-    )
-
-
-def _find_model_forward(model: BodyModel, pelvis: str) -> Array:
-    """The direction from the PSIS (or the sacrum) to the ASIS in the pelvis's frame, (3,)."""
-    marks = {find_canonical(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
-    back = [marks[name] for name in ("RPSIS", "LPSIS", "SACR") if name in marks][:2]
-    if not {"RASIS", "LASIS"} <= marks.keys() or not back:
-        return np.array([1.0, 0.0, 0.0])
-    middle = np.mean(back, axis=0)
-    return build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
 
 
 def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
@@ -208,11 +170,12 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
         if f"{joint}_{side}" in evidence.centres
     }
     femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
-    lengths = {femur: np.linalg.norm(centres["hip"] - centres["knee"])}
+    lengths = {femur: float(np.linalg.norm(centres["hip"] - centres["knee"]))}
     if "ankle" in centres:
-        lengths[tibia] = np.linalg.norm(centres["knee"] - centres["ankle"])
+        lengths[tibia] = float(np.linalg.norm(centres["knee"] - centres["ankle"]))
     ends = _find_leg_ends(found.model, femur, tibia, side)
-    found.resize({n: float(length / np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()})
+    ratios = {n: length / float(np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()}
+    found.resize({name: (ratio,) * 3 for name, ratio in ratios.items()})
     ends = _find_leg_ends(found.model, femur, tibia, side)
     values = straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
@@ -239,7 +202,7 @@ def _find_leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[
     hip, knee, ankle = (find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
     for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
         if segment not in ends:
-            raise _refuse_without_joint(joint, segment)
+            raise refuse_without_joint(joint, segment)
     return {femur: (hip[femur], knee[femur]), tibia: (knee[tibia], ankle[tibia])}
 
 
@@ -383,14 +346,6 @@ def _turn_onto(start: Array, end: Array) -> Array:
     cross = np.cross(start, end)
     sine = float(np.linalg.norm(cross))
     return np.zeros(3) if sine == 0.0 else cross / sine * np.arctan2(sine, start @ end)
-
-
-def _make_axes(z: Array, forward: Array) -> Array:
-    """The frame, (3, 3), whose z points along one direction and whose x lies nearest to another."""
-    z = z / np.linalg.norm(z)
-    y = np.cross(z, forward)
-    y /= np.linalg.norm(y)
-    return np.stack([np.cross(y, z), y, z], axis=1)
 
 
 def _make_axes_along(y: Array, rightward: Array) -> Array:

@@ -6,20 +6,20 @@ landmarks. A relation between several numbers, such as a hip and the pelvis's wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
+from scaling_service.model import people as population
+from scaling_service.model.anatomy import lengths as anatomy_lengths
 from scaling_service.model.anatomy.anthropometry import DimensionPrior
 from scaling_service.model.anatomy.centres import MARKER_RADIUS_M
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
-from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.parameters import LETTERS
-from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
@@ -27,13 +27,13 @@ from scaling_service.numerics.least_squares.whitening import GaussianPrior
 _UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
 _LIKE = 0.01  # chosen: relative SD between segments of one dimension, such as both bones of a forearm
 _SAME = 1e-3  # relative SD of a dimension's only segment about it: next to nothing
-_UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
+UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
 _MODEL_HIP_M = 0.008  # chosen: SD of a scaled model's hip, along each axis, where nothing marks the pelvis
 _STEP = 1e-3  # relative, and m: of differences; the regressions are linear
 
 SPINES = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 
-Spines = Mapping[str, Array]
+Spines = abc.Mapping[str, Array]
 """RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
 
 
@@ -44,24 +44,24 @@ class Imaged:
     pelvis: bool = False
     hips: frozenset[str] = frozenset()  # sides
     knees: frozenset[str] = frozenset()  # joints whose axis the image shows
-    lengths: Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
+    lengths: abc.Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
     segments: frozenset[str] = frozenset()  # that lie in the image
     markers: frozenset[str] = frozenset()
-    off: Mapping[str, float] = field(default_factory=dict)
+    off: abc.Mapping[str, float] = field(default_factory=dict)
     """Deviations that the image's surfaces leave of centres (``hip_r`` …) along each axis, m; what is absent
     is as good as images usually are."""
-    turned: Mapping[str, float] = field(default_factory=dict)  # the same of joints' axes, rad
+    turned: abc.Mapping[str, float] = field(default_factory=dict)  # the same of joints' axes, rad
 
-    def deviate_centre(self, centre: str, people: People) -> float:
+    def deviate_centre(self, centre: str, people: population.People) -> float:
         """Standard deviation of an imaged centre along each axis, m: the image's, at least what is usual."""
         usual = people.image_hip if centre.startswith("hip_") else people.image_centre
         return max(usual, self.off.get(centre, 0.0))
 
-    def deviate_axis(self, joint: str, people: People) -> float:
+    def deviate_axis(self, joint: str, people: population.People) -> float:
         """The same of a joint's axis, rad, about each of the segment's others."""
         return max(people.image_axis_sd, self.turned.get(joint, 0.0))
 
-    def tells(self, model: BodyModel, name: str) -> bool:
+    def tells(self, model: body.BodyModel, name: str) -> bool:
         """Whether images gave this parameter's value (``scale.femur_r``, ``axis.knee_r.x`` …)."""
         group, target, *_ = name.split(".")
         if group == "scale":
@@ -71,26 +71,26 @@ class Imaged:
                 for side in "rl"
             }
             parts = [sized[length].partition("_") for length in self.lengths]
-            return target in [find_segment(model, role, side) for role, _, side in parts]
+            return target in [anatomy_lengths.find_segment(model, role, side) for role, _, side in parts]
         if group == "centre":
             return target.removeprefix("hip_") in self.hips
         return target in (self.knees if group == "axis" else self.markers)
 
 
-NOTHING_IMAGED = Imaged()
-
-
 def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
     """What images gave a model; ``start`` is its image-based scaling where there is ``evidence``."""
     if evidence is None:
-        return NOTHING_IMAGED
+        return Imaged()
     model, lying = start.model, frozenset(start.image_poses)
-    parts = {side: tuple(find_segment(model, role, side) for role in ("femur", "tibia")) for side in "rl"}
-    pelvis = find_segment(model, "pelvis", "") in lying
+    parts = {
+        side: tuple(anatomy_lengths.find_segment(model, role, side) for role in ("femur", "tibia"))
+        for side in "rl"
+    }
+    pelvis = anatomy_lengths.find_segment(model, "pelvis", "") in lying
     own = {segment for segment, whose in start.bone_sized.items() if whose == "own"}
     lengths = {
         name: length
-        for name, length in measure_segment_lengths(model).items()
+        for name, length in anatomy_lengths.measure_segment_lengths(model).items()
         if (name == "inter_hip" and pelvis and {"hip_r", "hip_l"} <= evidence.centres.keys())
         or (name[:-2] in ("femur", "shank") and parts[name[-1]][name.startswith("shank")] in own)
     }
@@ -115,7 +115,7 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
     )
 
 
-def measure_imaged(imaged: Imaged, people: People) -> dict[str, tuple[float, float]]:
+def measure_imaged(imaged: Imaged, people: population.People) -> dict[str, tuple[float, float]]:
     """Dimensions that images show and their standard deviations, m."""
     ends = {"inter_hip": ("hip_r", "hip_l")} | {
         f"{length}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
@@ -131,21 +131,26 @@ def measure_imaged(imaged: Imaged, people: People) -> dict[str, tuple[float, flo
 def expect_sizes(
     prior: GaussianPrior,
     start: Calibration,
-    carrying: Sequence[str],
+    carrying: abc.Sequence[str],
     pelvis: str | None,
     expected: DimensionPrior,
     imaged: Imaged,
-    told: Mapping[str, str],
+    told: abc.Mapping[str, str],
 ) -> None:
     """Sizes of segments over the start's, as of persons of this stature and sex.
 
     ``carrying``: segments whose sizes are free. ``expected``: dimensions of persons like this one, who has
     such bones where some were imaged. ``told``: marker to the landmark that it marks.
     """
-    lengths = dict(measure_segment_lengths(start.model))
+    lengths = dict(anatomy_lengths.measure_segment_lengths(start.model))
     spines = find_spines(start.model, told)
     if spines is not None:
-        lengths["pelvis_width"], lengths["pelvis_depth"] = _measure_spines(spines)
+        # Pelvic width and depth, m
+        front, back = (spines["RASIS"] + spines["LASIS"]) / 2.0, (spines["RPSIS"] + spines["LPSIS"]) / 2.0
+        lengths["pelvis_width"], lengths["pelvis_depth"] = (
+            float(np.linalg.norm(spines["RASIS"] - spines["LASIS"])),
+            float(np.linalg.norm(front - back)),
+        )
     wanted: dict[str, str | None] = {}
     for segment in carrying:
         if segment == pelvis and imaged.pelvis:
@@ -165,11 +170,11 @@ def expect_sizes(
         prior.add_values(list(known), mean, relative * np.outer(mean, mean))
     for name in wanted.keys() - known.keys():
         size = start.sizes.get(name.split(".")[1])
-        sd = _UNKNOWN_SIZE if size is None else max(size.sd, _LIKE)
+        sd = UNKNOWN_SIZE if size is None else max(size.sd, _LIKE)
         prior.add_values([name], np.ones(1), np.array([[sd**2]]))
 
 
-def find_spines(model: BodyModel, told: Mapping[str, str]) -> Spines | None:
+def find_spines(model: body.BodyModel, told: abc.Mapping[str, str]) -> Spines | None:
     """Where a model's ASIS and PSIS markers are; a sacral marker stands for both PSIS. None if one lacks.
 
     ``told``: marker to the landmark that it marks.
@@ -186,27 +191,21 @@ def find_spines(model: BodyModel, told: Mapping[str, str]) -> Spines | None:
     return found if len(found) == 4 else None
 
 
-def _measure_spines(spines: Spines) -> tuple[float, float]:
-    """Pelvic width and depth, m."""
-    front, back = (spines["RASIS"] + spines["LASIS"]) / 2.0, (spines["RPSIS"] + spines["LPSIS"]) / 2.0
-    return float(np.linalg.norm(spines["RASIS"] - spines["LASIS"])), float(np.linalg.norm(front - back))
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _HipRelation:
     """How far regressions put the hips from the model's, as sizes and skin vary."""
 
-    model: BodyModel
-    people: People
+    model: body.BodyModel
+    people: population.People
     pelvis: str
     spines: Spines
     sides: tuple[str, ...]
     sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
     expected: DimensionPrior  # of persons like this one, where the model has no ankle
-    lengths: Mapping[str, float]  # of the model's segments, m
-    hips: Mapping[str, Array]  # side to the model's own, (3,) m
+    lengths: abc.Mapping[str, float]  # of the model's segments, m
+    hips: abc.Mapping[str, Array]  # side to the model's own, (3,) m
 
-    def evaluate(self, sizes: Mapping[str, float], front: float, back: float) -> Array:
+    def evaluate(self, sizes: abc.Mapping[str, float], front: float, back: float) -> Array:
         """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
 
         ``front``, ``back``: skin over ASIS and PSIS, m.
@@ -219,7 +218,16 @@ class _HipRelation:
         ]
         found = []
         for side in self.sides:
-            leg = self._measure_leg(side, sizes)
+            # From ASIS to ankle of a straight leg, m
+            if f"shank_{side}" not in self.lengths:
+                leg = self.expected.value(f"leg_length_{side}")
+            else:
+                total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
+                for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
+                    total += self.lengths[name] * sizes.get(
+                        f"scale.{anatomy_lengths.find_segment(self.model, role, side)}", 1.0
+                    )
+                leg = total
             both = [
                 predict_hip_centres(*bony, regression=name, leg_length_r=leg, leg_length_l=leg)
                 for name in self.people.hip_regressions
@@ -228,25 +236,16 @@ class _HipRelation:
             found.append(np.mean(places, axis=0) - along * self.hips[side])
         return np.concatenate(found)
 
-    def _measure_leg(self, side: str, sizes: Mapping[str, float]) -> float:
-        """From ASIS to ankle of a straight leg, m."""
-        if f"shank_{side}" not in self.lengths:
-            return self.expected.value(f"leg_length_{side}")
-        total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
-        for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
-            total += self.lengths[name] * sizes.get(f"scale.{find_segment(self.model, role, side)}", 1.0)
-        return total
-
 
 def expect_hips(
     prior: GaussianPrior,
-    model: BodyModel,
+    model: body.BodyModel,
     pelvis: str,
     sides: tuple[str, ...],
-    people: People,
+    people: population.People,
     expected: DimensionPrior,
     imaged: Imaged,
-    told: Mapping[str, str],
+    told: abc.Mapping[str, str],
 ) -> None:
     """Hips where the image shows them, else where regressions on the bony pelvis put them.
 
@@ -267,7 +266,11 @@ def expect_hips(
     if spines is None:
         sd, mean, skin = np.full(len(names), _MODEL_HIP_M), np.zeros(len(names)), np.zeros((len(names), 1))
     else:
-        legs = (f"scale.{find_segment(model, role, side)}" for side in sides for role in ("femur", "tibia"))
+        legs = (
+            f"scale.{anatomy_lengths.find_segment(model, role, side)}"
+            for side in sides
+            for role in ("femur", "tibia")
+        )
         sizes = tuple(n for n in (f"scale.{pelvis}.x", f"scale.{pelvis}.z", *legs) if n in prior.names)
         hips = _HipRelation(
             model=model,
@@ -277,8 +280,8 @@ def expect_hips(
             sides=sides,
             sizes=sizes,
             expected=expected,
-            lengths=measure_segment_lengths(model),
-            hips={side: find_joint_ends(model, "hip", side)[pelvis] for side in sides},
+            lengths=anatomy_lengths.measure_segment_lengths(model),
+            hips={side: anatomy_lengths.find_joint_ends(model, "hip", side)[pelvis] for side in sides},
         )
         (front, front_sd), (back, back_sd) = people.skin_over_asis, people.skin_over_psis
         ones = dict.fromkeys(sizes, 1.0)
@@ -300,11 +303,11 @@ def expect_hips(
 
 def expect_places(
     prior: GaussianPrior,
-    shown: Sequence[Marker],
-    people: People,
+    shown: abc.Sequence[body.Marker],
+    people: population.People,
     expected: DimensionPrior,
     imaged: Imaged,
-    told: Mapping[str, str],
+    told: abc.Mapping[str, str],
 ) -> None:
     """Markers where the image shows them; else landmarks where an examiner feels them, others anywhere.
 
@@ -324,7 +327,8 @@ def expect_places(
             if ends:
                 _expect_opposite(prior, row, ends, f"{row.width}_{side.lower()}", people, expected)
                 done |= {m.name for m in ends.values()}
-    places = {m.name: people.place_sd(_drop_side(name)) for name, m in landmarks.items()}
+    # A landmark's name without its side, as the tables have it; SACR and C7 have none.
+    places = {m.name: people.place_sd(name[1:] if name[0] in "RL" else name) for name, m in landmarks.items()}
     places |= dict.fromkeys(imaged.markers, (people.image_marker,) * 3)
     for marker in shown:
         if marker.name not in done:
@@ -334,10 +338,10 @@ def expect_places(
 
 def _expect_opposite(
     prior: GaussianPrior,
-    row: Opposite,
-    ends: Mapping[int, Marker],
+    row: population.Opposite,
+    ends: abc.Mapping[int, body.Marker],
     width: str,
-    people: People,
+    people: population.People,
     expected: DimensionPrior,
 ) -> None:
     """Landmarks at both ends of a joint, or at one: their distance is the person's, not the model's."""
@@ -354,10 +358,5 @@ def _expect_opposite(
     prior.add_values(names, mean.ravel(), palpated + apart)
 
 
-def _list_shifts(marker: Marker) -> Iterator[str]:
+def _list_shifts(marker: body.Marker) -> abc.Iterator[str]:
     return (f"marker.{marker.name}.{letter}" for letter in LETTERS)
-
-
-def _drop_side(landmark: str) -> str:
-    """A landmark's name without its side, as the tables have it; SACR and C7 have none."""
-    return landmark[1:] if landmark[0] in "RL" else landmark

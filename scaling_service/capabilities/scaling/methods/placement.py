@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
 
+from scaling_service.capabilities.motion import ranges
+from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
-from scaling_service.capabilities.motion.ranges import list_joint_coordinates, list_unshown
 from scaling_service.capabilities.motion.solving import solve_from
-from scaling_service.capabilities.motion.task import Task, guess_start
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.model import body, parameters
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
-from scaling_service.model.compile import compile_model, list_coordinate_ranges, repeat_default_pose
-from scaling_service.model.parameters import Tilt, fold, free_axis
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import find_seen, find_shown
-from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import sweep
 from scaling_service.numerics.multibody.tree import pose_links
 
 _FEWEST = 3  # landmarks without which a body cannot be placed at all
 _SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
-_EXACT = SweepSettings(max_steps=200, left=1e-12)
+_EXACT = sweep.SweepSettings(max_steps=200, left=1e-12)
 _STARTS, _SPREAD = 64, 0.5
 """Chosen: postures from which a static pose is sought, and how far joints lie from the first guess, rad.
 Of two standing trials of Rajagopal's model the best minimum is reached from one start in eight or more."""
@@ -37,7 +36,7 @@ _NO_PLACE = (None, "T10")
 """Labels that do not say where a marker sits: no landmark, and a vertebra, which is counted by palpation."""
 
 
-def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
+def with_centre(model: body.BodyModel, segment: str, centre: body.Vector) -> body.BodyModel:
     """The model with a segment's joint elsewhere in its parent: its three leading shifts replaced.
 
     ``segment``: the one that the joint carries.
@@ -47,13 +46,13 @@ def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
     joints = model.segment(segment).joints
     leading = [j for j in joints[:3] if j.kind == "translation" and j.law.is_constant]
     if len(leading) != 3:
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             f"the centre of '{model.segment(segment).joint_name}' is not three plain shifts",
             field="model",
             remedy="Use a built-in model",
         )
-    new: tuple[Joint, ...] = tuple(
-        replace(j, law=Law.constant(value)) for j, value in zip(leading, centre, strict=True)
+    new: tuple[body.Joint, ...] = tuple(
+        replace(j, law=body.Law.constant(value)) for j, value in zip(leading, centre, strict=True)
     )
     segments = tuple(
         replace(s, joints=(*new, *joints[3:])) if s.name == segment else s for s in model.segments
@@ -61,13 +60,13 @@ def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
     return replace(model, segments=segments)
 
 
-def with_axis(model: BodyModel, joint: str, tilt: Tilt) -> BodyModel:
+def with_axis(model: body.BodyModel, joint: str, tilt: parameters.Tilt) -> body.BodyModel:
     """The model with a joint's axis turned about x, then y, of the parent, rad."""
-    freed = free_axis(model, joint, np.pi, np.pi)
-    return fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
+    freed = parameters.free_axis(model, joint, np.pi, np.pi)
+    return parameters.fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
 
 
-def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> BodyModel:
+def add_markers(model: body.BodyModel, extra: abc.Mapping[str, str], trial: Trial) -> body.BodyModel:
     """Further markers on named segments, each at its mean local position over a trial.
 
     The model's pose comes from the markers it has; a marker that the trial does not show is left out.
@@ -79,7 +78,7 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
     wanted = {name: segment for name, segment in extra.items() if name not in model.marker_names}
     unknown = sorted(set(wanted.values()) - set(model.segment_names))
     if unknown:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"the model has no segment '{unknown[0]}'",
             field="extra_markers",
             remedy=f"Its segments are {', '.join(model.segment_names)}",
@@ -87,11 +86,11 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
     if not wanted:
         return model
     found = _locate(model, trial, wanted)
-    added = tuple(Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
+    added = tuple(body.Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
     return model.with_markers((*model.markers, *added))
 
 
-def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, tuple[str, ...]]:
+def place_tracking_markers(model: body.BodyModel, trial: Trial) -> tuple[body.BodyModel, tuple[str, ...]]:
     """Markers that are no known landmark moved to where a standing trial shows them.
 
     Where tracking markers sit is each laboratory's own choice, so a generic model's positions say little of
@@ -107,8 +106,8 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     known = _list_seen(trial, landmarks)
     if len(known) < _FEWEST or not tracking:
         return model, ()
-    open_ = list_unshown(model, known)
-    helped = {s.name for s in model.segments if open_ & list_joint_coordinates(model, s)}
+    open_ = ranges.list_unshown(model, known)
+    helped = {s.name for s in model.segments if open_ & ranges.list_joint_coordinates(model, s)}
     weights = dict.fromkeys(landmarks, 1.0) | {
         name: 1.0 if segment in helped and model.marker(name).anatomical else _FOLLOWER
         for name, segment in tracking.items()
@@ -117,7 +116,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     return move_markers(model, found), tuple(found)
 
 
-def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyModel:
+def place_on(model: body.BodyModel, trial: Trial, segments: frozenset[str]) -> body.BodyModel:
     """The markers of some segments moved to where a standing trial shows them.
 
     The model is posed by the markers of the other segments, whose places are known; those to be placed
@@ -128,7 +127,7 @@ def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyMo
     return move_markers(model, _locate(model, trial, own, weights))
 
 
-def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) -> BodyModel:
+def place_markers(model: body.BodyModel, trial: Trial, placement: MarkerPlacement) -> body.BodyModel:
     """OpenSim's marker placer: fit the averaged static pose, then move every marker that is not fixed.
 
     ``model``: already scaled.
@@ -139,7 +138,7 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     # One frame: the mean position of each marker over the frames of the range that show it.
     rows = select_frames(trial, placement.time_range)
     chosen = trial.markers[rows]
-    shown = find_shown(chosen)
+    shown = problem.find_shown(chosen)
     mean = np.full(chosen.shape[1:], np.nan)
     mean[shown] = np.nanmean(chosen[:, shown], axis=0)
     pose = Trial(
@@ -155,22 +154,25 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     return move_markers(model, found)
 
 
-def move_markers(model: BodyModel, local: Mapping[str, Vector]) -> BodyModel:
+def move_markers(model: body.BodyModel, local: abc.Mapping[str, body.Vector]) -> body.BodyModel:
     """The model with some markers at other local positions (m)."""
     return model.with_markers(
         tuple(
-            replace(m, laws=Marker.at(m.name, m.segment, local[m.name]).laws) if m.name in local else m
+            replace(m, laws=body.Marker.at(m.name, m.segment, local[m.name]).laws) if m.name in local else m
             for m in model.markers
         )
     )
 
 
 def _locate(
-    model: BodyModel, trial: Trial, segments: Mapping[str, str], weights: Mapping[str, float] | None = None
-) -> dict[str, Vector]:
+    model: body.BodyModel,
+    trial: Trial,
+    segments: abc.Mapping[str, str],
+    weights: abc.Mapping[str, float] | None = None,
+) -> dict[str, body.Vector]:
     """Local positions of labels on their segments, the model posed by its weighted markers, m."""
     few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
-    q = solve_task(Task.of(model, few, weights=weights), few.times).q
+    q = solve_task(tasks.Task.of(model, few, weights=weights), few.times).q
     return _average_local_places(model, few, q, segments)
 
 
@@ -187,7 +189,7 @@ def select_frames(trial: Trial, time_range: tuple[float, float] | None) -> slice
         return slice(0, len(times))
     start, end = time_range
     if times[-1] < start - _SAME_TIME or times[0] > end + _SAME_TIME:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"trial '{trial.name}' has no frame between {start} and {end} s",
             file=trial.name,
             field="time_range",
@@ -198,15 +200,15 @@ def select_frames(trial: Trial, time_range: tuple[float, float] | None) -> slice
     return slice(first, min(last, len(times) - 1) + 1)
 
 
-def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:
+def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:
     """Coordinates (1, n) of the static pose under marker and coordinate tasks.
 
     Shoulders and forearms have several minima; the lowest that is reached from many postures is taken, all of
     which are followed at once, as if they were frames.
     """
     weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
-    task = Task.of(model, pose, weights=weights)
-    wanted = repeat_default_pose(model, 1)
+    task = tasks.Task.of(model, pose, weights=weights)
+    wanted = compiling.repeat_default_pose(model, 1)
     pull = np.zeros(len(model.coordinates))
     for k, name in enumerate(model.coordinate_names):
         pull[k] = placement.coordinate_weights.get(name, 0.0)
@@ -214,12 +216,12 @@ def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement
     # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
     prior = (np.repeat(wanted, _STARTS, axis=0), pull * task.weights.sum())
     measured = np.repeat(task.measured, _STARTS, axis=0)
-    natural = list_coordinate_ranges(model)
-    starts = guess_start(task.tree, measured, wanted[0], task.p, task.free)
+    natural = compiling.list_coordinate_ranges(model)
+    starts = tasks.guess_start(task.tree, measured, wanted[0], task.p, task.free)
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
-    def solve(start: Array, bounds: tuple[Array, Array]) -> MotionSolution:
+    def solve(start: Array, bounds: tuple[Array, Array]) -> sweep.MotionSolution:
         repeated = replace(task, measured=measured, bounds=bounds)
         return solve_from(repeated, slice(None), start, settings=_EXACT, prior=prior)
 
@@ -228,11 +230,13 @@ def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement
 
 
 def _average_local_places(
-    model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]
-) -> dict[str, Vector]:
+    model: body.BodyModel, trial: Trial, q: Array, segments: abc.Mapping[str, str]
+) -> dict[str, body.Vector]:
     """Mean position of labels in their segments' frames over the frames that show them (m)."""
-    carriers = [Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())]
-    tree = compile_model(model.with_markers(tuple(carriers)))
+    carriers = [
+        body.Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())
+    ]
+    tree = compiling.compile_model(model.with_markers(tuple(carriers)))
     poses = pose_links(tree, np.ascontiguousarray(q.T), np.zeros(tree.n_parameters))
     link = {m.segment: int(k) for m, k in zip(carriers, tree.marker_link, strict=True)}
     present = _list_seen(trial, segments)
@@ -245,5 +249,5 @@ def _average_local_places(
     return means
 
 
-def _list_seen(trial: Trial, names: Iterable[str]) -> list[str]:
-    return [n for n in names if n in trial.labels and find_seen(trial.position(n)).any()]
+def _list_seen(trial: Trial, names: abc.Iterable[str]) -> list[str]:
+    return [n for n in names if n in trial.labels and problem.find_seen(trial.position(n)).any()]

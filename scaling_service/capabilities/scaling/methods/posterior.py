@@ -8,7 +8,7 @@ segment's ends, linearly; what is left of it wanders.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,48 +17,28 @@ import numpy as np
 from scaling_service.capabilities.motion.everyday import pose_problem
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.scaling.methods.fitting import Progress
-from scaling_service.capabilities.scaling.methods.image_based import EB
+from scaling_service.capabilities.scaling.methods import fitting, people_prior
+from scaling_service.capabilities.scaling.methods.image_based import ImageBased
 from scaling_service.capabilities.scaling.methods.image_points import shows_sizes
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
-from scaling_service.capabilities.scaling.methods.people_prior import (
-    Imaged,
-    expect_hips,
-    expect_places,
-    expect_sizes,
-    find_imaged,
-    measure_imaged,
-)
 from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
-from scaling_service.model.body import BodyModel, Marker, ParameterPosterior, to_vector
+from scaling_service.model import body, parameters, results
+from scaling_service.model import people as population
+from scaling_service.model.anatomy import lengths
 from scaling_service.model.freed import free_named
-from scaling_service.model.parameters import LETTERS, compose_tilts, fold
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.model.results import (
-    Calibration,
-    EstimatedCentre,
-    EstimatedParameter,
-    JointMove,
-    SegmentSize,
-)
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares import posterior
 from scaling_service.numerics.least_squares.estimator import Outcome
-from scaling_service.numerics.least_squares.posterior import (
-    MOST_STEPS,
-    Posterior,
-    integrate_over,
-    solve_posterior,
-)
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.report.words import spell_parameters
 
 _LEVELS = 4  # chosen: looks at how much this person's skin moves against ordinary people's
 _FIRST_STEPS = 3  # chosen: of all looks but the last; residuals are what they will be long before the end
@@ -91,23 +71,23 @@ class JointPosterior:
     def calibrate(
         self,
         session: Session,
-        start: Calibration | None,
+        start: results.Calibration | None,
         settings: CalibrationSettings,
-        progress: Progress | None,
-    ) -> Calibration:
+        progress: fitting.Progress | None,
+    ) -> results.Calibration:
         """The posterior of the session's person; the start's model is where the iteration begins.
 
         Raises TrialUnusable: no trial shows a marker of the model.
         """
         assert start is not None
-        clock, people = time.perf_counter(), read_people()
+        clock, people = time.perf_counter(), population.read_people()
         images = session.images
         unused: tuple[str, ...] = ()
         if images is not None and shows_sizes(images, start.model):
-            start = EB.calibrate(session, start, settings, None)
+            start = ImageBased().calibrate(session, start, settings, None)
         elif images is not None:
             unused, images = ("MAP: the images show no length and no part of this model: not used",), None
-        imaged = find_imaged(start, images)
+        imaged = people_prior.find_imaged(start, images)
         names = [m.name for m in start.model.markers if m.weight > 0.0]
         frames = _choose_frames(session, names, settings.n_frames, people)
         q, level, steps = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q, 1.0, 0
@@ -119,22 +99,48 @@ class JointPosterior:
             problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=said)
             if p is not None:
                 latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
-                problem = integrate_over(problem, q, p, latent)
+                problem = posterior.integrate_over(problem, q, p, latent)
             begin = task.p if p is None else p
-            told = None if progress is None else partial(_count_on, progress, steps)
-            found = solve_posterior(problem, q, begin, told, _FIRST_STEPS if left else MOST_STEPS)
+            told = None if progress is None else partial(fitting.count_on, progress, steps)
+            found = posterior.solve_posterior(
+                problem, q, begin, told, _FIRST_STEPS if left else posterior.MOST_STEPS
+            )
             q, p, steps = found.q, found.p, steps + found.steps
             more = np.sqrt((_LEVEL_FREEDOM + found.misfit) / (_LEVEL_FREEDOM + max(found.freedom, 0.0)))
             if left:
                 level *= float(more)
-                frames = replace(frames, unlike=_weigh_unlike(found.squares, frames.trial))
+                # Weights of frames by Student's t: one that fits unlike the others, as labels exchanged
+                # do, says less. `squares` (n_frames,): of residuals by their variances, over their
+                # number.
+                numbers = 3.0 * find_seen(frames.trial.markers).sum(axis=1)
+                usual = float(np.median(found.squares[numbers > 0.0]))
+                strange = found.squares / max(usual, np.finfo(float).tiny)
+                frames = replace(
+                    frames,
+                    unlike=np.asarray(np.minimum(1.0, (_TAIL + numbers) / (_TAIL + numbers * strange))),
+                )
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
         sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
         estimated = tuple(_list_parameters(freed, prior, found, imaged))
         gaps = problem.measured - pose_markers(task.tree, found.q, found.p)
-        return Calibration(
+        # The covariance as the model keeps it: sizes as shares of what they became.
+        unit = np.array(
+            [v if n.startswith("scale.") else 1.0 for n, v in zip(prior.names, found.p, strict=True)]
+        )
+        spread = np.sqrt(np.diag(found.covariance))
+        alike = found.covariance / np.outer(spread, spread)
+        # Of segments with one free factor; the shares of evidence are the start's no more.
+        return results.Calibration(
             method="MAP",
-            model=replace(fold(freed, values), posterior=_keep_posterior(prior, found, level)),
+            model=replace(
+                parameters.fold(freed, values),
+                posterior=body.ParameterPosterior(
+                    names=prior.names,
+                    sds=tuple((spread / unit).tolist()),
+                    correlations=tuple(alike[np.tril_indices(len(spread), -1)].round(_DIGITS).tolist()),
+                    skin=level,
+                ),
+            ),
             generic=start.generic,
             scale_factors=_list_factors(start, values),
             axis_tilts=_list_tilts(start, values),
@@ -145,21 +151,22 @@ class JointPosterior:
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *unused, *_list_warnings(found, estimated)),
             image_poses=start.image_poses,
-            sizes=_list_sizes(start, values, sds) | _list_pelvis(start, prior, found),
+            sizes=(
+                {
+                    segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
+                    for segment, size in start.sizes.items()
+                    if (name := f"scale.{segment}") in values
+                }
+            )
+            | _list_pelvis(start, prior, found),
             bone_sized=start.bone_sized,
             centres=_list_centres(freed, sds),
         )
 
 
-def _count_on(progress: Progress, before: int, number: int, cost: float) -> None:
-    """Steps of several looks as one count."""
-    progress(before + number, cost)
-
-
-MAP = JointPosterior()
-
-
-def _choose_frames(session: Session, names: Sequence[str], count: int, people: People) -> _Frames:
+def _choose_frames(
+    session: Session, names: abc.Sequence[str], count: int, people: population.People
+) -> _Frames:
     """The mean of the standing trial, and frames equally spaced in time over all movements to fit.
 
     A person who stands shows one posture, however long. Skin that wanders is seen anew after twice its time
@@ -196,51 +203,40 @@ def _choose_frames(session: Session, names: Sequence[str], count: int, people: P
     return _Frames(chosen_trial, np.array(shares), np.ones(len(together)))
 
 
-def _weigh_unlike(squares: Array, trial: Trial) -> Array:
-    """Weights of frames by Student's t: one that fits unlike the others, as labels exchanged do, says less.
-
-    ``squares`` (n_frames,): of residuals by their variances, over their number.
-    """
-    numbers = 3.0 * find_seen(trial.markers).sum(axis=1)
-    usual = float(np.median(squares[numbers > 0.0]))
-    strange = squares / max(usual, np.finfo(float).tiny)
-    return np.asarray(np.minimum(1.0, (_TAIL + numbers) / (_TAIL + numbers * strange)))
-
-
 def _free(
-    start: Calibration,
-    seen: frozenset[str] | set[str] | Sequence[str],
+    start: results.Calibration,
+    seen: frozenset[str] | set[str] | abc.Sequence[str],
     session: Session,
-    people: People,
-    imaged: Imaged,
-) -> tuple[BodyModel, GaussianPrior]:
+    people: population.People,
+    imaged: people_prior.Imaged,
+) -> tuple[body.BodyModel, GaussianPrior]:
     """The start's model with everything freed, and what is known of each number."""
     model = start.model
     shown = [m for m in model.markers if m.name in seen and m.weight > 0.0]
     carrying = list(dict.fromkeys(m.segment for m in shown))
-    pelvis, knees = find_segment(model, "pelvis", ""), find_tiltable_knees(model)
-    femurs = {side: find_segment(model, "femur", side) for side in "rl"}
+    pelvis, knees = lengths.find_segment(model, "pelvis", ""), find_tiltable_knees(model)
+    femurs = {side: lengths.find_segment(model, "femur", side) for side in "rl"}
     hips = {s: f for s, f in femurs.items() if f in carrying and model.segment(f).parent == pelvis}
     drivers = {segment: _list_drivers(model, segment, people) for segment in carrying}
     freed = free_named(model, list(_list_names(shown, carrying, pelvis, knees, tuple(hips), drivers)))
 
     prior = GaussianPrior([p.name for p in freed.parameters])
-    expected = expect_dimensions(session.subject).condition(measure_imaged(imaged, people))
+    expected = expect_dimensions(session.subject).condition(people_prior.measure_imaged(imaged, people))
     told = tell_landmarks(model)
-    expect_sizes(prior, start, carrying, pelvis, expected, imaged, told)
+    people_prior.expect_sizes(prior, start, carrying, pelvis, expected, imaged, told)
     if pelvis in carrying and hips:
-        expect_hips(prior, model, pelvis, tuple(hips), people, expected, imaged, told)
+        people_prior.expect_hips(prior, model, pelvis, tuple(hips), people, expected, imaged, told)
     for joint in knees:
         turns = [f"axis.{joint}.x", f"axis.{joint}.y"]
         sd = imaged.deviate_axis(joint, people) if joint in imaged.knees else people.knee_axis_sd
         prior.add_values(turns, np.zeros(2), sd**2 * np.eye(2))
-    expect_places(prior, shown, people, expected, imaged, told)
+    people_prior.expect_places(prior, shown, people, expected, imaged, told)
     for segment, own in drivers.items():
         markers = [m for m in shown if m.segment == segment]
         places = np.array([m.nominal for m in markers])
         landmarks = [told.get(m.name) for m in markers]
         for driver, reach in own.items():
-            slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in LETTERS]
+            slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in parameters.LETTERS]
             share = 1.0 / (reach * np.sqrt(len(own)))
             covariance = people.skin_covariance(model.bone_of(segment), landmarks, places, share)
             prior.add_values(slides, np.zeros(len(slides)), covariance)
@@ -248,25 +244,27 @@ def _free(
 
 
 def _list_names(
-    shown: Sequence[Marker],
-    carrying: Sequence[str],
+    shown: abc.Sequence[body.Marker],
+    carrying: abc.Sequence[str],
     pelvis: str | None,
-    knees: Sequence[str],
-    hips: Sequence[str],
-    drivers: Mapping[str, Mapping[str, float]],
-) -> Iterator[str]:
+    knees: abc.Sequence[str],
+    hips: abc.Sequence[str],
+    drivers: abc.Mapping[str, abc.Mapping[str, float]],
+) -> abc.Iterator[str]:
     """The parameters; ``hips``: sides. ``drivers``: segment to the coordinates with which its skin slides."""
     for segment in carrying:
         yield from (f"scale.{segment}.{a}" for a in "xz") if segment == pelvis else (f"scale.{segment}",)
     yield from (f"axis.{joint}.{letter}" for joint in knees for letter in "xy")
-    yield from (f"centre.hip_{side}.{letter}" for side in hips for letter in LETTERS)
+    yield from (f"centre.hip_{side}.{letter}" for side in hips for letter in parameters.LETTERS)
     for marker in shown:
-        yield from (f"marker.{marker.name}.{letter}" for letter in LETTERS)
+        yield from (f"marker.{marker.name}.{letter}" for letter in parameters.LETTERS)
         own = drivers[marker.segment]
-        yield from (f"skin.{marker.name}.{letter}.{driver}" for letter in LETTERS for driver in own)
+        yield from (
+            f"skin.{marker.name}.{letter}.{driver}" for letter in parameters.LETTERS for driver in own
+        )
 
 
-def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, float]:
+def _list_drivers(model: body.BodyModel, segment: str, people: population.People) -> dict[str, float]:
     """The angles that a segment's skin follows, and how far each goes in an ordinary movement, rad.
 
     They are those of the joints at its ends. Nothing slides because the whole body turns, so the joint to the
@@ -289,28 +287,15 @@ def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, f
     return flexion if flexion and people.skin(model.bone_of(segment)).flexion_alone else found
 
 
-def _keep_posterior(prior: GaussianPrior, found: Posterior, skin: float) -> ParameterPosterior:
-    """The covariance as the model keeps it: sizes as shares of what they became."""
-    unit = np.array([v if n.startswith("scale.") else 1.0 for n, v in zip(prior.names, found.p, strict=True)])
-    sds = np.sqrt(np.diag(found.covariance))
-    alike = found.covariance / np.outer(sds, sds)
-    return ParameterPosterior(
-        names=prior.names,
-        sds=tuple((sds / unit).tolist()),
-        correlations=tuple(alike[np.tril_indices(len(sds), -1)].round(_DIGITS).tolist()),
-        skin=skin,
-    )
-
-
 def _list_parameters(
-    freed: BodyModel, prior: GaussianPrior, found: Posterior, imaged: Imaged
-) -> Iterator[EstimatedParameter]:
+    freed: body.BodyModel, prior: GaussianPrior, found: posterior.Posterior, imaged: people_prior.Imaged
+) -> abc.Iterator[results.EstimatedParameter]:
     """All but skin, of which there are hundreds. What images tell is determined as what movements do."""
     before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
     after = np.sqrt(np.diag(found.covariance))
     for k, parameter in enumerate(freed.parameters):
         if parameter.group != "skin":
-            yield EstimatedParameter(
+            yield results.EstimatedParameter(
                 name=parameter.name,
                 value=float(found.p[k]),
                 unit=parameter.unit,
@@ -323,7 +308,9 @@ def _list_parameters(
             )
 
 
-def _list_factors(start: Calibration, values: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
+def _list_factors(
+    start: results.Calibration, values: abc.Mapping[str, float]
+) -> dict[str, tuple[float, float, float]]:
     factors = {}
     for segment in start.model.segment_names:
         x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
@@ -333,9 +320,11 @@ def _list_factors(start: Calibration, values: Mapping[str, float]) -> dict[str, 
     return factors
 
 
-def _list_tilts(start: Calibration, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def _list_tilts(
+    start: results.Calibration, values: abc.Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
     turned = {
-        joint: compose_tilts(
+        joint: parameters.compose_tilts(
             start.axis_tilts.get(joint, (0.0, 0.0)), (values[f"axis.{joint}.x"], values[f"axis.{joint}.y"])
         )
         for joint in find_tiltable_knees(start.model)
@@ -343,35 +332,29 @@ def _list_tilts(start: Calibration, values: Mapping[str, float]) -> dict[str, tu
     return {**start.axis_tilts, **turned}
 
 
-def _list_moves(start: Calibration, values: Mapping[str, float]) -> dict[str, JointMove]:
+def _list_moves(start: results.Calibration, values: abc.Mapping[str, float]) -> dict[str, results.JointMove]:
     """Hips as far as they moved beyond what sizes do."""
     moved = dict(start.joint_moves)
     for side in "rl":
-        femur, hip = find_segment(start.model, "femur", side), f"centre.hip_{side}"
+        femur, hip = lengths.find_segment(start.model, "femur", side), f"centre.hip_{side}"
         if femur is not None and f"{hip}.x" in values:
-            shift = to_vector(values[f"{hip}.{letter}"] for letter in LETTERS)
+            shift = body.to_vector(values[f"{hip}.{letter}"] for letter in parameters.LETTERS)
             joint = start.model.segment(femur).joint_name
-            before = moved.get(joint, JointMove())
+            before = moved.get(joint, results.JointMove())
             grown = [values.get(f"scale.{start.model.segment(femur).parent}.{a}", 1.0) for a in "xz"]
             along = np.array([grown[0], (grown[0] + grown[1]) / 2.0, grown[1]])
-            moved[joint] = replace(before, shift=to_vector(along * before.shift + shift))
+            moved[joint] = replace(before, shift=body.to_vector(along * before.shift + shift))
     return moved
 
 
-def _list_sizes(
-    start: Calibration, values: Mapping[str, float], sds: Mapping[str, float]
-) -> dict[str, SegmentSize]:
-    """Of segments with one free factor; the shares of evidence are the start's no more."""
-    return {
-        segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
-        for segment, size in start.sizes.items()
-        if (name := f"scale.{segment}") in values
-    }
-
-
-def _list_pelvis(start: Calibration, prior: GaussianPrior, found: Posterior) -> dict[str, SegmentSize]:
+def _list_pelvis(
+    start: results.Calibration, prior: GaussianPrior, found: posterior.Posterior
+) -> dict[str, results.SegmentSize]:
     """The pelvis as far as the distance of its hips goes: its width and both hips decide it."""
-    pelvis, apart = find_segment(start.model, "pelvis", ""), measure_segment_lengths(start.model)
+    pelvis, apart = (
+        lengths.find_segment(start.model, "pelvis", ""),
+        lengths.measure_segment_lengths(start.model),
+    )
     weights = {
         f"scale.{pelvis}.z": apart.get("inter_hip", 0.0),
         "centre.hip_r.z": 1.0,
@@ -386,20 +369,25 @@ def _list_pelvis(start: Calibration, prior: GaussianPrior, found: Posterior) -> 
     return {pelvis: replace(size, factor=factor, sd=sd / length)}
 
 
-def _list_centres(freed: BodyModel, sds: Mapping[str, float]) -> dict[str, EstimatedCentre]:
+def _list_centres(freed: body.BodyModel, sds: abc.Mapping[str, float]) -> dict[str, results.EstimatedCentre]:
     joints = dict.fromkeys(p.target for p in freed.parameters if p.group == "centre")
     return {
-        joint: EstimatedCentre("joint posterior", to_vector(sds[f"centre.{joint}.{a}"] for a in LETTERS))
+        joint: results.EstimatedCentre(
+            "joint posterior", body.to_vector(sds[f"centre.{joint}.{a}"] for a in parameters.LETTERS)
+        )
         for joint in joints
     }
 
 
-def _list_warnings(found: Posterior, estimated: Sequence[EstimatedParameter]) -> Iterator[str]:
+def _list_warnings(
+    found: posterior.Posterior, estimated: abc.Sequence[results.EstimatedParameter]
+) -> abc.Iterator[str]:
     if found.outcome is not Outcome.CONVERGED:
         yield f"MAP: stopped after {found.steps} steps before it converged"
     loose = [p.name for p in estimated if p.group in ("length", "centre", "axis") and not p.identifiable]
     if loose:
+        known = list_few(spell_parameters(loose))
         yield (
-            f"MAP: of {list_few(loose)} people's ordinary sizes say more than these recordings; "
+            f"MAP: people's ordinary sizes say more about {known} than these recordings; "
             "the deviations stated count that"
         )

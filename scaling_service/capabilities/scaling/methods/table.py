@@ -1,26 +1,23 @@
 """The table of methods: each one a small frozen value in a file of its own; a new method is a new row.
 
 Other distributions add methods by entry points of the group ``scaling_service.methods``: an entry's name is
-the method's, and what it names is a :class:`Method`.
+the method's, and what it names is a :class:`.method.Method`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Protocol
 
+from scaling_service.capabilities.scaling.methods import optimised
 from scaling_service.capabilities.scaling.methods.fitting import Progress
-from scaling_service.capabilities.scaling.methods.image_based import EB
-from scaling_service.capabilities.scaling.methods.marker_based import MB
-from scaling_service.capabilities.scaling.methods.optimised import EB_AM, MB_AM, MB_LAM
-from scaling_service.capabilities.scaling.methods.posterior import MAP
-from scaling_service.capabilities.scaling.sizes.without_markers import (
-    has_no_markers,
-    refuse_without_markers,
-)
-from scaling_service.capabilities.shared.settings import PAPER, CalibrationSettings
+from scaling_service.capabilities.scaling.methods.image_based import ImageBased
+from scaling_service.capabilities.scaling.methods.marker_based import MarkerBased
+from scaling_service.capabilities.scaling.methods.method import Method
+from scaling_service.capabilities.scaling.methods.posterior import JointPosterior
+from scaling_service.capabilities.scaling.sizes import without_markers
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
@@ -28,49 +25,39 @@ from scaling_service.model.subject import Session
 GROUP = "scaling_service.methods"
 """Of the entry points."""
 
-
-class Method(Protocol):
-    """One way to scale a model."""
-
-    @property
-    def title(self) -> str:
-        """What is fitted, in plain words."""
-
-    @property
-    def needs(self) -> str | None:
-        """The method that gives the first guess, if any."""
-
-    @property
-    def needs_images(self) -> bool:
-        """Whether it can only be done where bones were imaged; its lengths are then the image's."""
-
-    @property
-    def needs_movements(self) -> bool:
-        """Whether it fits its model to calibration trials."""
-
-    def calibrate(
-        self,
-        session: Session,
-        start: Calibration | None,
-        settings: CalibrationSettings,
-        progress: Progress | None,
-    ) -> Calibration:
-        """Scale the session's model; ``start`` is the first guess where the method needs one."""
-
-
-def _with_others(own: Mapping[str, Method]) -> Mapping[str, Method]:
-    """Our methods, then those of other distributions; a name that is taken stays ours."""
-    others = {point.name: point.load() for point in entry_points(group=GROUP) if point.name not in own}
-    return MappingProxyType({**own, **others})
-
-
-_OURS: Mapping[str, Method] = MappingProxyType(
-    {"MB": MB, "MB_lam": MB_LAM, "MB_am": MB_AM, "EB": EB, "EB_am": EB_AM, "MAP": MAP}
+_OURS: abc.Mapping[str, Method] = MappingProxyType(
+    {
+        "MB": MarkerBased(),
+        "MB_lam": optimised.Optimised(
+            name="MB_lam",
+            title="lengths, knee axes and selected marker coordinates fitted to movement",
+            needs="MB",
+            freedom=optimised.Freedom(lengths=True, all_markers=False),
+        ),
+        "MB_am": optimised.Optimised(
+            name="MB_am",
+            title="knee axes and all marker coordinates fitted to movement",
+            needs="MB",
+            freedom=optimised.Freedom(lengths=False, all_markers=True),
+        ),
+        "EB": ImageBased(),
+        "EB_am": optimised.Optimised(
+            name="EB_am",
+            title="knee axes and all marker coordinates of the image-based model fitted to movement",
+            needs="EB",
+            freedom=optimised.Freedom(lengths=False, all_markers=True),
+            needs_images=True,
+        ),
+        "MAP": JointPosterior(),
+    }
 )
-METHODS: Mapping[str, Method] = _with_others(_OURS)
+METHODS: abc.Mapping[str, Method] = MappingProxyType(
+    {**_OURS} | {point.name: point.load() for point in entry_points(group=GROUP) if point.name not in _OURS}
+)
+"""Our methods, then those of other distributions; a name that is taken stays ours."""
 
 
-def check_methods(methods: Iterable[str]) -> None:
+def check_methods(methods: abc.Iterable[str]) -> None:
     """Refuse a method that there is not (SubjectInvalid)."""
     for method in methods:
         if method not in METHODS:
@@ -82,7 +69,7 @@ def check_methods(methods: Iterable[str]) -> None:
 def calibrate(
     session: Session,
     method: str,
-    settings: CalibrationSettings = PAPER,
+    settings: shared_settings.CalibrationSettings = shared_settings.PAPER,
     known: dict[str, Calibration] | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -95,8 +82,8 @@ def calibrate(
     Raises SubjectInvalid: there is no such method.
     """
     check_methods([method])
-    if method in _OURS and has_no_markers(session):  # others say themselves what they need
-        refuse_without_markers(method)
+    if method in _OURS and without_markers.has_no_markers(session):  # others say themselves what they need
+        without_markers.refuse_without_markers(method)
     done = {} if known is None else known
     if method not in done:
         row = METHODS[method]

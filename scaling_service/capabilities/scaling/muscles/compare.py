@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
-from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
+from scaling_service.capabilities.kinetics import forces as kinetics_forces
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents import results
-from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.files import sto
+from scaling_service.files.osim import muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
@@ -28,7 +28,7 @@ differs little from its neighbours."""
 MOST_ROWS = 10
 """Differences of each method and quantity that are shown, largest first. Chosen: what one looks through."""
 
-UNITS: Mapping[results.MuscleQuantity, tuple[float, str]] = {
+UNITS: abc.Mapping[results.MuscleQuantity, tuple[float, str]] = {
     "moment arm": (1e3, "mm"),
     "length": (1e3, "mm"),
     "joint moment": (1.0, "N m"),
@@ -42,9 +42,9 @@ class MuscleCourses:
     """One method's muscles and joints over one trial."""
 
     times: Array  # (n_frames,), s
-    angles: Mapping[str, Array]  # rotational coordinate to (n_frames,), rad
-    geometry: MuscleGeometry
-    moments: Mapping[str, Array]
+    angles: abc.Mapping[str, Array]  # rotational coordinate to (n_frames,), rad
+    geometry: muscles.MuscleGeometry
+    moments: abc.Mapping[str, Array]
     """Coordinate to its generalised force, (n_frames,), N m; NaN where forces do not determine it. Empty
     without forces."""
 
@@ -63,7 +63,7 @@ class MuscleComparison:
     """What the methods make of the muscles."""
 
     reference: str  # the method that the others are held against
-    courses: Mapping[str, Mapping[str, MuscleCourses]]  # method to trial to its courses
+    courses: abc.Mapping[str, abc.Mapping[str, MuscleCourses]]  # method to trial to its courses
     differences: tuple[results.MuscleDifference, ...]
     """Of each method and quantity the largest, in descending order; a muscle or joint comes once for each
     coordinate."""
@@ -72,9 +72,9 @@ class MuscleComparison:
 
 def compare_muscles(
     loaded: Loaded,
-    models: Mapping[str, tuple[BodyModel, str]],
-    motions: Mapping[str, Mapping[str, Motion]],
-    trials: Sequence[str],
+    models: abc.Mapping[str, tuple[BodyModel, str]],
+    motions: abc.Mapping[str, abc.Mapping[str, Motion]],
+    trials: abc.Sequence[str],
     progress: Progress,
 ) -> MuscleComparison:
     """Compare what methods make of the muscles of an OpenSim model.
@@ -86,7 +86,7 @@ def compare_muscles(
     if not loaded.session.subject.model.lower().endswith(".osim"):
         raise _report_no_muscles("is no .osim model")
     if not trials:
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             "muscles are compared over movements, and none was recorded",
             field="trials",
             remedy="Name evaluation trials",
@@ -97,7 +97,31 @@ def compare_muscles(
         found[method] = {}
         for trial in trials:
             progress(f"{method}: muscles in {trial}", k / len(models))
-            found[method][trial] = _follow(model, text, motions[method][trial], forces.get(trial))
+            motion = motions[method][trial]
+            ground = forces.get(trial)
+            stride = -(-len(motion.times) // MOST_FRAMES)
+            rows = slice(None, None, stride)
+            order = [motion.coordinates.index(name) for name in model.coordinate_names]
+            moments: dict[str, Array] = {}
+            if ground is not None:
+                dynamics = inverse_dynamics.solve_inverse_dynamics(model, motion, ground.loads)
+                judged = inverse_dynamics.find_judged_frames(dynamics, ground.contacts, DYNAMICS_CUTOFF_HZ)
+                values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
+                # Rotations that joints between segments leave free; those of the root carry residuals.
+                root = {
+                    t.coordinate for s in model.segments[:1] for joint in s.joints for t in joint.law.terms
+                }
+                moments = {
+                    c.name: values[:, dynamics.coordinates.index(c.name)]
+                    for c in model.coordinates
+                    if c.kind == "rotation" and not c.locked and c.name not in root
+                }
+            found[method][trial] = MuscleCourses(
+                motion.times[rows],
+                {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
+                muscles.measure_muscles(text, model, motion.q[rows][:, order]),
+                moments,
+            )
     first = next(iter(next(iter(found.values())).values()))
     if not first.geometry.muscles:
         raise _report_no_muscles("has no muscles")
@@ -112,53 +136,31 @@ def compare_muscles(
     return MuscleComparison(reference, found, tuple(differences), notes)
 
 
-def _report_no_muscles(what: str) -> SubjectInvalid:
-    return SubjectInvalid(
+def _report_no_muscles(what: str) -> errors.SubjectInvalid:
+    return errors.SubjectInvalid(
         f"muscles cannot be compared: the subject's model {what}",
         field="model",
         remedy="Give an .osim model with muscles, or compare without them",
     )
 
 
-def _gather_forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
+def _gather_forces(
+    loaded: Loaded, trials: abc.Sequence[str]
+) -> tuple[dict[str, kinetics_forces.TrialForces], tuple[str, ...]]:
     """The forces on the feet of those trials that have some, and why others have no joint moments."""
     try:
-        read = read_movement_forces(loaded.session.subject, loaded.plates)
-        found, unusable = assign_forces(
+        read = kinetics_forces.read_movement_forces(loaded.session.subject, loaded.plates)
+        found, unusable = kinetics_forces.assign_forces(
             loaded, {path: read[path] for path in read if path.stem in trials}, lambda _: DYNAMICS_CUTOFF_HZ
         )
-    except InputError as error:
+    except errors.InputError as error:
         return {}, (f"joint moments are not compared: {error}",)
     without = [trial for trial in trials if trial not in found]
     said = f"joint moments are not compared in {', '.join(without)}: there are no forces"
     return found, (*unusable, said) if without else unusable
 
 
-def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | None) -> MuscleCourses:
-    stride = -(-len(motion.times) // MOST_FRAMES)
-    rows = slice(None, None, stride)
-    order = [motion.coordinates.index(name) for name in model.coordinate_names]
-    moments: dict[str, Array] = {}
-    if forces is not None:
-        dynamics = solve_inverse_dynamics(model, motion, forces.loads)
-        judged = find_judged_frames(dynamics, forces.contacts, DYNAMICS_CUTOFF_HZ)
-        values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
-        moments = {name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)}
-    return MuscleCourses(
-        motion.times[rows],
-        {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
-        measure_muscles(text, model, motion.q[rows][:, order]),
-        moments,
-    )
-
-
-def _list_joint_angles(model: BodyModel) -> list[str]:
-    """Rotations that joints between segments leave free; those of the root carry residuals."""
-    root = {t.coordinate for s in model.segments[:1] for joint in s.joints for t in joint.law.terms}
-    return [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked and c.name not in root]
-
-
-def _list_largest(peaks: Iterable[results.MuscleDifference]) -> list[results.MuscleDifference]:
+def _list_largest(peaks: abc.Iterable[results.MuscleDifference]) -> list[results.MuscleDifference]:
     """The largest of all trials for each muscle and coordinate, the largest first."""
     found: dict[tuple[str, str], results.MuscleDifference] = {}
     for peak in peaks:
@@ -169,11 +171,11 @@ def _list_largest(peaks: Iterable[results.MuscleDifference]) -> list[results.Mus
 
 
 def _list_peaks(
-    reference: Mapping[str, MuscleCourses],
-    method: Mapping[str, MuscleCourses],
+    reference: abc.Mapping[str, MuscleCourses],
+    method: abc.Mapping[str, MuscleCourses],
     quantity: results.MuscleQuantity,
     names: tuple[str, str],
-) -> Iterator[results.MuscleDifference]:
+) -> abc.Iterator[results.MuscleDifference]:
     """Where a method differs most from the reference in each trial, for each muscle and coordinate."""
     factor, unit = UNITS[quantity]
     for trial, own in method.items():
@@ -215,7 +217,7 @@ def make_muscle_document(found: MuscleComparison) -> results.MuscleDocument:
     )
 
 
-def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
+def write_courses(folder: Path, courses: abc.Mapping[str, MuscleCourses]) -> None:
     """Write ``TRIAL_muscle_lengths.sto``, ``TRIAL_moment_arms.sto``, ``TRIAL_joint_moments.sto``; m, N m.
 
     A moment arm's column is ``MUSCLE.COORDINATE``; joint moments only where there are forces.
@@ -228,15 +230,12 @@ def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
         }
         for what, columns in tables.items():
             if columns:
-                write_sto(
-                    folder / f"{trial}_{what}.sto", _tabulate_muscles(f"{trial} {what}", own.times, columns)
+                sto.write_sto(
+                    folder / f"{trial}_{what}.sto",
+                    sto.Table(
+                        name=(f"{trial} {what}"),
+                        columns=("time", *columns),
+                        data=np.column_stack([own.times, *columns.values()]),
+                        in_degrees=False,
+                    ),
                 )
-
-
-def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> Table:
-    return Table(
-        name=name,
-        columns=("time", *columns),
-        data=np.column_stack([times, *columns.values()]),
-        in_degrees=False,
-    )

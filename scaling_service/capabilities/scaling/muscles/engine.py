@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -12,9 +12,9 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.documents.engines import EngineMuscle, EngineMuscleDocument
+from scaling_service.documents import engines
+from scaling_service.files import mujoco_muscles
 from scaling_service.files.limbs import Skeleton
-from scaling_service.files.mujoco_muscles import EngineMuscles, measure_in_mujoco
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.muscles import Musculature
@@ -35,9 +35,9 @@ _JUMP_M = 1e-3  # chosen: beyond it OpenSim's lengths and moment arms contradict
 class MuscleCheck:
     """An exported model's muscles and OpenSim's."""
 
-    document: EngineMuscleDocument
-    sweeps: Mapping[str, Array]  # coordinate to its values, (n_steps,), rad
-    engine: EngineMuscles
+    document: engines.EngineMuscleDocument
+    sweeps: abc.Mapping[str, Array]  # coordinate to its values, (n_steps,), rad
+    engine: mujoco_muscles.EngineMuscles
     reference: MuscleGeometry | None  # over all sweeps one after the other
 
 
@@ -50,7 +50,7 @@ def check_muscles(model: BodyModel, osim: str, muscles: Musculature, exported: S
     says so.
     """
     poses = sweep_coordinates(model, STEPS)
-    engine = measure_in_mujoco(exported.text, model.coordinate_names, poses)
+    engine = mujoco_muscles.measure_in_mujoco(exported.text, model.coordinate_names, poses)
     values = {name: q[:, model.coordinate_names.index(name)] for name, q in poses.items()}
     try:
         reference = measure_muscles(osim, model, np.concatenate(list(poses.values())))
@@ -70,7 +70,7 @@ def check_muscles(model: BodyModel, osim: str, muscles: Musculature, exported: S
         own = [] if within else _find_contradiction(k, values, lengths, arms, off_lengths)
         causes = [] if within else [*own, *exported.changed.get(name, ())]
         rows.append(
-            EngineMuscle(
+            engines.EngineMuscle(
                 muscle=name,
                 wraps=wraps[name],
                 length_mm=round(1e3 * length[0], 3),
@@ -97,7 +97,7 @@ def _gather_arms(reference: MuscleGeometry, coordinate: str, rows: slice) -> Arr
 
 
 def _find_worst(
-    off: Mapping[str, Array], values: Mapping[str, Array], muscle: int
+    off: abc.Mapping[str, Array], values: abc.Mapping[str, Array], muscle: int
 ) -> tuple[float, str, float]:
     """The largest difference of a muscle, the coordinate that was moved there, and its value."""
     worst = {name: int(np.argmax(np.abs(each[:, muscle]))) for name, each in off.items()}
@@ -107,10 +107,10 @@ def _find_worst(
 
 def _find_contradiction(
     number: int,
-    values: Mapping[str, Array],
-    lengths: Mapping[str, Array],
-    arms: Mapping[str, Array],
-    off: Mapping[str, Array],
+    values: abc.Mapping[str, Array],
+    lengths: abc.Mapping[str, Array],
+    arms: abc.Mapping[str, Array],
+    off: abc.Mapping[str, Array],
 ) -> list[str]:
     """Whether the difference grows where OpenSim's length is not the integral of OpenSim's moment arm."""
     gaps: dict[str, float] = {}
@@ -130,12 +130,12 @@ def _find_contradiction(
 
 
 def _explain_arms(
-    rows: list[EngineMuscle],
+    rows: list[engines.EngineMuscle],
     model: BodyModel,
     osim: str,
-    off: Mapping[str, Array],
-    values: Mapping[str, Array],
-) -> list[EngineMuscle]:
+    off: abc.Mapping[str, Array],
+    values: abc.Mapping[str, Array],
+) -> list[engines.EngineMuscle]:
     """Rows whose moment arm is off, with the slope of OpenSim's own length where it is off most.
 
     ``off``: coordinate to the engine's moment arms less OpenSim's, (n_steps, n_rows), m.
@@ -167,8 +167,12 @@ def _explain_arms(
 
 
 def _make_document(
-    engine: EngineMuscles, rows: list[EngineMuscle], exported: Skeleton, reference: str | None, note: str
-) -> EngineMuscleDocument:
+    engine: mujoco_muscles.EngineMuscles,
+    rows: list[engines.EngineMuscle],
+    exported: Skeleton,
+    reference: str | None,
+    note: str,
+) -> engines.EngineMuscleDocument:
     def share(within: list[bool]) -> float | None:
         return round(float(np.mean(within)), 4) if within else None
 
@@ -177,7 +181,7 @@ def _make_document(
         rows,
         key=lambda r: -max(r.length_mm / asked[r.muscle], r.moment_arm_mm / (1e3 * ARM_M)),
     )
-    return EngineMuscleDocument(
+    return engines.EngineMuscleDocument(
         engine=engine.engine,
         reference=reference,
         coordinates=list(engine.lengths),
@@ -194,7 +198,7 @@ def _make_document(
     )
 
 
-def _summarise(rows: list[EngineMuscle], engine: str, reference: str | None) -> str:
+def _summarise(rows: list[engines.EngineMuscle], engine: str, reference: str | None) -> str:
     within = sum(row.within for row in rows)
     return (
         f"Over every coordinate's range {within} of {len(rows)} muscles are in {engine} as in {reference}:"
@@ -203,7 +207,7 @@ def _summarise(rows: list[EngineMuscle], engine: str, reference: str | None) -> 
     )
 
 
-def _name_worst(rows: list[EngineMuscle]) -> Iterator[str]:
+def _name_worst(rows: list[engines.EngineMuscle]) -> abc.Iterator[str]:
     for row in (row for k, row in enumerate(rows[:_TOLD]) if not (k and row.within)):
         why = f": {'; '.join(row.causes)}" if row.causes else ""
         yield (

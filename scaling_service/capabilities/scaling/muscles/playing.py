@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.playback.document import MuscleCurve, MuscleScene
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.capabilities.scaling.muscles.compare import UNITS, MuscleComparison
+from scaling_service.capabilities.scaling.muscles import compare
 from scaling_service.documents.results import MuscleDifference
 from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles
@@ -20,44 +20,46 @@ MOST_CURVES = 6
 """Of each quantity. Chosen: two rows of a page."""
 
 
-def write_muscle_scene(found: MuscleComparison, outputs: Path, *, brief: bool = False) -> MuscleScene:
+def write_muscle_scene(
+    found: compare.MuscleComparison, outputs: Path, *, brief: bool = False
+) -> playing.MuscleScene:
     """Write ``scene/muscles.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
     """
     files = ArrayFiles(outputs, FOLDER, brief=brief)
-    curves = [_write_curve(found, each, k, files) for k, each in enumerate(_list_distinct(found.differences))]
-    document = MuscleScene(curves=curves)
+    curves = []
+    for k, each in enumerate(_list_distinct(found.differences)):
+        factor, unit = compare.UNITS[each.quantity]
+        times = found.courses[each.method][each.trial].times
+        courses = {
+            method: trials[each.trial].courses(each.quantity).get((each.muscle, each.coordinate))
+            for method, trials in found.courses.items()
+        }
+        known = {method: factor * values for method, values in courses.items() if values is not None}
+        curves.append(
+            playing.MuscleCurve(
+                quantity=each.quantity,
+                muscle=each.muscle,
+                coordinate=each.coordinate,
+                trial=each.trial,
+                unit=unit,
+                start_s=float(times[0]),
+                rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
+                methods=list(known),
+                values=files.write(f"muscle_{k}", np.column_stack(list(known.values())), unit),
+            )
+        )
+    document = playing.MuscleScene(curves=curves)
     write_json(outputs / FILE_NAME, document)
     return document
 
 
-def _list_distinct(differences: Sequence[MuscleDifference]) -> Iterator[MuscleDifference]:
+def _list_distinct(differences: abc.Sequence[MuscleDifference]) -> abc.Iterator[MuscleDifference]:
     """Of each quantity the largest of all methods, each muscle and coordinate once."""
-    for quantity in UNITS:
+    for quantity in compare.UNITS:
         largest: dict[tuple[str, str], MuscleDifference] = {}
         of = [each for each in differences if each.quantity == quantity]
         for each in sorted(of, key=lambda each: -abs(each.difference)):
             largest.setdefault((each.muscle, each.coordinate), each)
         yield from list(largest.values())[:MOST_CURVES]
-
-
-def _write_curve(found: MuscleComparison, each: MuscleDifference, k: int, files: ArrayFiles) -> MuscleCurve:
-    factor, unit = UNITS[each.quantity]
-    times = found.courses[each.method][each.trial].times
-    courses = {
-        method: trials[each.trial].courses(each.quantity).get((each.muscle, each.coordinate))
-        for method, trials in found.courses.items()
-    }
-    known = {method: factor * values for method, values in courses.items() if values is not None}
-    return MuscleCurve(
-        quantity=each.quantity,
-        muscle=each.muscle,
-        coordinate=each.coordinate,
-        trial=each.trial,
-        unit=unit,
-        start_s=float(times[0]),
-        rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
-        methods=list(known),
-        values=files.write(f"muscle_{k}", np.column_stack(list(known.values())), unit),
-    )

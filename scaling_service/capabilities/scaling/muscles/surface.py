@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,12 +14,9 @@ from scaling_service.bones.results import MeshRefused
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
-from scaling_service.files.osim.muscles import Attachment, Wrap, move_attachments, read_attachments
+from scaling_service.files.osim import muscles as osim_muscles
+from scaling_service.model import results
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model.results import (
-    Calibration,
-    JointMove,
-)
 from scaling_service.model.trial import Bone
 
 
@@ -27,7 +24,7 @@ from scaling_service.model.trial import Bone
 class MovedAttachments:
     """Attachments on one segment's bone, before and after."""
 
-    points: tuple[Attachment, ...]  # where they are now
+    points: tuple[osim_muscles.Attachment, ...]  # where they are now
     before: Array  # (n, 3), m, in the segment's frame: where scaling put them
     distances: Array  # (n, 2), m: from the person's bone before and after
 
@@ -37,12 +34,12 @@ class FollowedSurfaces:
     """A model whose muscles are attached where the person's bones are."""
 
     osim: str
-    moved: Mapping[str, MovedAttachments]  # by segment
+    moved: abc.Mapping[str, MovedAttachments]  # by segment
     notes: tuple[str, ...]
 
 
 def follow_surfaces(
-    osim: str, calibration: Calibration, bones: Mapping[str, Bone], source: Path
+    osim: str, calibration: results.Calibration, bones: abc.Mapping[str, Bone], source: Path
 ) -> FollowedSurfaces:
     """Move a model's attachments by the smooth map from its own bones, as scaled, to the person's.
 
@@ -53,9 +50,9 @@ def follow_surfaces(
     Raises DependencyMissing, FileUnreadable: as for reading a model.
     """
     persons = place_bones(calibration, bones)
-    points, wraps, surfaces = read_attachments(osim, source, persons.keys())
+    points, wraps, surfaces = osim_muscles.read_attachments(osim, source, persons.keys())
     moved: dict[str, MovedAttachments] = {}
-    moved_wraps: list[Wrap] = []
+    moved_wraps: list[osim_muscles.Wrap] = []
     notes = [
         f"{calibration.method}: the model's {list_few(names)} of {segment} is not beside it or in Geometry/"
         for segment, names in surfaces.absent.items()
@@ -79,32 +76,37 @@ def follow_surfaces(
         moved[segment] = _move(here, before, mapped, person)
         there = zip(over, mapped(centres) if over else (), sizes[len(here) :], strict=True)
         moved_wraps += [replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
-        notes.append(f"{calibration.method}: {_describe_distances(segment, moved[segment], mapped)}")
+        off, now = 1e3 * np.median(moved[segment].distances, axis=0)
+        notes.append(
+            f"{calibration.method}: {len(moved[segment].points)} attachments on {segment} follow its "
+            f"surface: {off:.1f} mm from the bone as scaled, {now:.1f} mm now (medians); "
+            f"{1e3 * mapped.left_m:.1f} mm are left between the surfaces"
+        )
     every = [point for found in moved.values() for point in found.points]
     if not every:
         notes.append(f"{calibration.method}: muscles follow no surface: all attachments are scaled")
         return FollowedSurfaces(osim, moved, tuple(notes))
-    text, astray = move_attachments(osim, source, every, moved_wraps)
+    text, astray = osim_muscles.move_attachments(osim, source, every, moved_wraps)
     if astray:
         notes.append(
             f"{calibration.method}: {list_few(astray)} would run along another side of what they slide over: "
             "their attachments are scaled"
         )
-    return FollowedSurfaces(text, _without(moved, astray), tuple(notes))
+    # Moved attachments but for those of some muscles
+    return FollowedSurfaces(
+        text,
+        {
+            segment: MovedAttachments(
+                tuple(found.points[k] for k in rows), found.before[rows], found.distances[rows]
+            )
+            for segment, found in moved.items()
+            if (rows := [k for k, point in enumerate(found.points) if point.muscle not in astray])
+        },
+        tuple(notes),
+    )
 
 
-def _without(moved: Mapping[str, MovedAttachments], muscles: Collection[str]) -> dict[str, MovedAttachments]:
-    """Moved attachments but for those of some muscles."""
-    return {
-        segment: MovedAttachments(
-            tuple(found.points[k] for k in rows), found.before[rows], found.distances[rows]
-        )
-        for segment, found in moved.items()
-        if (rows := [k for k, point in enumerate(found.points) if point.muscle not in muscles])
-    }
-
-
-def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]:
+def _find_centres(calibration: results.Calibration, segment: str) -> tuple[Array, Array]:
     """Joint centres that a segment knows, each (n, 3), m: where its own bone as scaled has them, and now."""
     model, now, before = calibration.model, [], []
     for joint in ("hip", "knee", "ankle"):
@@ -113,7 +115,7 @@ def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]
             if segment not in ends:
                 continue
             parent, *carried = ends
-            moved = JointMove()
+            moved = results.JointMove()
             if segment == parent and carried:
                 moved = calibration.joint_moves.get(model.segment(carried[0]).joint_name, moved)
             now.append(ends[segment])
@@ -122,7 +124,7 @@ def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]
 
 
 def _move(
-    points: Sequence[Attachment], before: Array, mapped: morph.SurfaceMap, person: Bone
+    points: abc.Sequence[osim_muscles.Attachment], before: Array, mapped: morph.SurfaceMap, person: Bone
 ) -> MovedAttachments:
     after = mapped(before)
     there = tuple(replace(point, at=at) for point, at in zip(points, after, strict=True))
@@ -130,15 +132,7 @@ def _move(
     return MovedAttachments(there, before, distances)
 
 
-def _describe_distances(segment: str, found: MovedAttachments, mapped: morph.SurfaceMap) -> str:
-    before, after = 1e3 * np.median(found.distances, axis=0)
-    return (
-        f"{len(found.points)} attachments on {segment} follow its surface: {before:.1f} mm from the bone as "
-        f"scaled, {after:.1f} mm now (medians); {1e3 * mapped.left_m:.1f} mm are left between the surfaces"
-    )
-
-
-def write_attachments(file: Path, moved: Mapping[str, MovedAttachments]) -> None:
+def write_attachments(file: Path, moved: abc.Mapping[str, MovedAttachments]) -> None:
     """Write a table of all attachments that were moved: places in the segment's frame and distances, mm."""
     places = [f"{axis}_{when}_mm" for when in ("before", "after") for axis in "xyz"]
     with file.open("w", encoding="utf-8", newline="") as stream:

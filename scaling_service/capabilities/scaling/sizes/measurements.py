@@ -13,15 +13,15 @@ thickness (x) the mean of both. Everything else keeps one factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.centres import Points
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.body import Vector
 
 Pair = tuple[tuple[str, ...], tuple[str, ...]]
@@ -43,7 +43,7 @@ _BREADTH: Pair = (("RSHO",), ("LSHO",))
 _HEIGHT: Pair = (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))
 _HEIGHT_FROM_SACRUM: Pair = (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))
 
-AXES: Mapping[str, str] = {
+AXES: abc.Mapping[str, str] = {
     "pelvis": "xyz",
     "femur_r": "yz",
     "tibia_r": "yz",
@@ -117,42 +117,31 @@ def _list_side(side: str) -> tuple[SegmentMeasurement, ...]:
     )
 
 
-_PELVIS = SegmentMeasurement(
-    segments=("pelvis",),
-    pairs=(
-        (("RASIS",), ("LASIS",)),
-        (("RPSIS",), ("LPSIS",)),
-        (("RASIS",), ("RPSIS",)),
-        (("LASIS",), ("LPSIS",)),
-    ),
-    source=_PUCHAUD,
-    shape_m=_PELVIS_SHAPE,
-    instead=((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
-)
-_LIMBS = (*_list_side("r"), *_list_side("l"))
-
-
-_RIGID_TRUNK = SegmentMeasurement(
-    segments=_TRUNK,
-    pairs=(_BREADTH, _HEIGHT),
-    source=_CHOSEN,
-    shape_m=_TRUNK_SHAPE,
-    instead=(_BREADTH, _HEIGHT_FROM_SACRUM),
-)
-_JOINTED_TRUNK = SegmentMeasurement(
-    segments=_TRUNK,
-    pairs=(_HEIGHT,),
-    source=_CHOSEN,
-    shape_m=_TRUNK_HEIGHT_SHAPE,
-    instead=(_HEIGHT_FROM_SACRUM,),
-)
-"""With a joint in its middle, where a trunk that is too long folds."""
-
-
-def list_measurements(segments: Sequence[str]) -> tuple[SegmentMeasurement, ...]:
+def list_measurements(segments: abc.Sequence[str]) -> tuple[SegmentMeasurement, ...]:
     """What can be measured of a model with these segments."""
-    trunk = _JOINTED_TRUNK if "abdomen" in segments else _RIGID_TRUNK
-    return tuple(m for m in (_PELVIS, trunk, *_LIMBS) if set(m.segments) & set(segments))
+    pelvis = SegmentMeasurement(
+        segments=("pelvis",),
+        pairs=(
+            (("RASIS",), ("LASIS",)),
+            (("RPSIS",), ("LPSIS",)),
+            (("RASIS",), ("RPSIS",)),
+            (("LASIS",), ("LPSIS",)),
+        ),
+        source=_PUCHAUD,
+        shape_m=_PELVIS_SHAPE,
+        instead=((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
+    )
+    # With a joint in its middle, where a trunk that is too long folds, its breadth is not taken.
+    jointed = "abdomen" in segments
+    trunk = SegmentMeasurement(
+        segments=_TRUNK,
+        pairs=(_HEIGHT,) if jointed else (_BREADTH, _HEIGHT),
+        source=_CHOSEN,
+        shape_m=_TRUNK_HEIGHT_SHAPE if jointed else _TRUNK_SHAPE,
+        instead=(_HEIGHT_FROM_SACRUM,) if jointed else (_BREADTH, _HEIGHT_FROM_SACRUM),
+    )
+    every = (pelvis, trunk, *_list_side("r"), *_list_side("l"))
+    return tuple(m for m in every if set(m.segments) & set(segments))
 
 
 def list_available(
@@ -191,18 +180,8 @@ def _has(pair: Pair, points: Points) -> bool:
     return known and bool(np.isfinite(measure_distances(pair, points)).any())
 
 
-_WIDTH = SegmentMeasurement(
-    segments=("pelvis",),
-    pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
-    source="side to side, as Puchaud 2019, 2.2.2",
-)
-_DEPTH = SegmentMeasurement(
-    segments=("pelvis",), pairs=((_ASIS, _PSIS),), source="chosen: Harrington 2007's pelvic depth"
-)
-
-
 def open_axes(
-    factors: Mapping[str, Vector], people: Sequence[Points], ours: Points
+    factors: abc.Mapping[str, Vector], people: abc.Sequence[Points], ours: Points
 ) -> tuple[dict[str, Vector], tuple[str, ...]]:
     """Uniform factors opened along the axes that can be measured.
 
@@ -213,14 +192,22 @@ def open_axes(
     """
     opened, notes = dict(factors), list[str]()
 
-    def measure_first(measure: Callable[[Points, Points], float | None]) -> float | None:
+    def measure_first(measure: abc.Callable[[Points, Points], float | None]) -> float | None:
         """On the first recording on which it can be."""
         return next((value for p in people if (value := measure(p, ours)) is not None), None)
 
     if "pelvis" in factors:
+        across = SegmentMeasurement(
+            segments=("pelvis",),
+            pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
+            source="side to side, as Puchaud 2019, 2.2.2",
+        )
+        ahead = SegmentMeasurement(
+            segments=("pelvis",), pairs=((_ASIS, _PSIS),), source="chosen: Harrington 2007's pelvic depth"
+        )
         found = {
-            "depth": measure_first(partial(compute_ratio, _DEPTH)),
-            "width": measure_first(partial(compute_ratio, _WIDTH)),
+            "depth": measure_first(partial(compute_ratio, ahead)),
+            "width": measure_first(partial(compute_ratio, across)),
             "height": measure_first(_compute_hip_depth_ratio),
         }
         missing = [name for name, value in found.items() if value is None]
@@ -254,13 +241,13 @@ def _measure_hip_depth(points: Points) -> float | None:
     psis = [name if name in points else "SACR" for name in _PSIS]
     if any(name not in points for name in (*_ASIS, *psis, "hip_r", "hip_l")):
         return None
-    frame: Frames = build_pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
+    frame: frames.Frames = frames.build_pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
     depths: Array = -np.concatenate([frame.to_local(points[f"hip_{side}"])[:, 1] for side in "rl"])
     known = depths[np.isfinite(depths)]
     return float(known.mean()) if known.size and known.mean() > 0.0 else None
 
 
-def read_fitted_factor(values: Mapping[str, float], segment: str) -> Vector:
+def read_fitted_factor(values: abc.Mapping[str, float], segment: str) -> Vector:
     """What a fit multiplied a segment's size by, along x, y and z; ones where it was not free.
 
     ``values``: parameter name to value.

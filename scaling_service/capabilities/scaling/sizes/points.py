@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -10,29 +10,24 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.centres import (
-    BodySizes,
-    Centre,
-    Points,
-    construct_centres,
-    lift_ankle,
-    with_mirrored_psis,
-)
+from scaling_service.model import body
+from scaling_service.model.anatomy import centres as anatomy_centres
+from scaling_service.model.anatomy import lengths
+from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.anatomy.hip_centre import solve_chord_centre
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.anatomy.markers import SACRUM, find_canonical, strip_prefix
-from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Trial
 
-_MIDDLES: Mapping[str, tuple[str, str]] = MappingProxyType({"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")})
+_MIDDLES: abc.Mapping[str, tuple[str, str]] = MappingProxyType(
+    {"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")}
+)
 """Joints whose centre is measured at the middle of two landmarks, on the model as on the person."""
 
-UNKNOWN_SIZES = BodySizes()
+UNKNOWN_SIZES = anatomy_centres.BodySizes()
 """Nothing but markers."""
 
-_NOTHING: Points = MappingProxyType({})
-Places = Mapping[str, str | None]
+_NOTHING: anatomy_centres.Points = MappingProxyType({})
+Places = abc.Mapping[str, str | None]
 """Markers to the landmarks that they are by where the model has them; None: not what their name says."""
 
 NO_PLACES: Places = MappingProxyType({})
@@ -43,7 +38,7 @@ of it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the ac
 
 _PELVIC = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 
-_ABOVE_M: Mapping[str, float] = MappingProxyType({"knee": 0.0, "ankle": 0.013})
+_ABOVE_M: abc.Mapping[str, float] = MappingProxyType({"knee": 0.0, "ankle": 0.013})
 """Chosen: how far up the leg the middle of epicondyles or malleoli lies from the centre of the joint: the
 prominent points of the malleoli are 12 to 15 mm above the centre of the talus."""
 
@@ -69,21 +64,23 @@ class PersonPoints:
     ``centres``: ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones.
     """
 
-    landmarks: Points
-    sizes: BodySizes
+    landmarks: anatomy_centres.Points
+    sizes: anatomy_centres.BodySizes
     regression: str
     standing: bool
     scale: float = 1.0
-    hips: Points = field(default_factory=lambda: _NOTHING)
-    centres: Mapping[str, Centre] = field(default_factory=lambda: MappingProxyType({}))
+    hips: anatomy_centres.Points = field(default_factory=lambda: _NOTHING)
+    centres: abc.Mapping[str, anatomy_centres.Centre] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
-    def points(self) -> Points:
+    def points(self) -> anatomy_centres.Points:
         """Landmarks and centres alike."""
         return name_points(self.landmarks, self.centres)
 
 
-def name_points(landmarks: Points, centres: Mapping[str, Centre]) -> Points:
+def name_points(
+    landmarks: anatomy_centres.Points, centres: abc.Mapping[str, anatomy_centres.Centre]
+) -> anatomy_centres.Points:
     """Landmarks and centres in one mapping, with a missing PSIS as the other's mirror image.
 
     An ankle is there also by how it was found, such as ``ankle_r_middle``.
@@ -94,7 +91,7 @@ def name_points(landmarks: Points, centres: Mapping[str, Centre]) -> Points:
         for name, c in centres.items()
         if name.startswith("ankle") and "chord" not in name
     }
-    return {**with_mirrored_psis(landmarks), **named, **kinds}
+    return {**anatomy_centres.with_mirrored_psis(landmarks), **named, **kinds}
 
 
 def find_person_points(
@@ -102,7 +99,7 @@ def find_person_points(
     *,
     standing: bool,
     regression: str,
-    sizes: BodySizes = UNKNOWN_SIZES,
+    sizes: anatomy_centres.BodySizes = UNKNOWN_SIZES,
     joints: FunctionalJoints | None = None,
     scale: float = 1.0,
     places: Places = NO_PLACES,
@@ -119,7 +116,7 @@ def find_person_points(
     if standing:
         sizes = sizes.with_leg_lengths(measure_standing_legs(landmarks))
     hips = {} if joints is None else {f"hip_{side}": joints.hip_in(trial, side) for side in joints.hips}
-    centres = construct_centres(landmarks, sizes, regression, hips=hips)
+    centres = anatomy_centres.construct_centres(landmarks, sizes, regression, hips=hips)
     return PersonPoints(
         landmarks=landmarks,
         sizes=sizes,
@@ -140,7 +137,7 @@ def read_landmarks(trial: Trial, places: Places = NO_PLACES) -> dict[str, Array]
     return points
 
 
-def without_raised_shoulders(points: Points) -> dict[str, Array]:
+def without_raised_shoulders(points: anatomy_centres.Points) -> dict[str, Array]:
     """The landmarks, an acromion only while its arm hangs: with raised arms it rises and draws inwards.
 
     In one person's T pose the acromia stand 61 to 74 mm nearer to each other than in walking, and 50 to 65 mm
@@ -163,10 +160,10 @@ def without_raised_shoulders(points: Points) -> dict[str, Array]:
 
 
 def _name(label: str) -> str:
-    return find_canonical(label) or strip_prefix(label).upper()
+    return anatomy_markers.find_canonical(label) or anatomy_markers.strip_prefix(label).upper()
 
 
-def measure_standing_legs(points: Points) -> dict[str, float]:
+def measure_standing_legs(points: anatomy_centres.Points) -> dict[str, float]:
     """ASIS to medial malleolus by side, means over the frames that show both (m)."""
     found = {}
     for side in "rl":
@@ -178,7 +175,7 @@ def measure_standing_legs(points: Points) -> dict[str, float]:
     return found
 
 
-def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
+def find_model_points(model: body.BodyModel, places: Places = NO_PLACES) -> anatomy_centres.Points:
     """The same points on the model in its neutral pose, one frame."""
     points: dict[str, Array] = {}
     frames = pose_neutral_frames(model)
@@ -188,9 +185,9 @@ def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
             points.setdefault(name, (origin + rotation @ np.array(marker.nominal))[None])
     if "SACR" not in points and {"RPSIS", "LPSIS"} <= points.keys():
         points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
-    own = find_joint_centres(model)
+    own = lengths.find_joint_centres(model)
     for side in "rl":
-        femur = find_segment(model, "femur", side)
+        femur = lengths.find_segment(model, "femur", side)
         if femur is not None:
             points[f"hip_{side}"] = frames[femur][1][None]
         for joint, landmarks in _MIDDLES.items():
@@ -205,14 +202,14 @@ def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
     return points
 
 
-def find_doubtful_joints(model: BodyModel, points: Points) -> dict[str, float]:
+def find_doubtful_joints(model: body.BodyModel, points: anatomy_centres.Points) -> dict[str, float]:
     """Knees and ankles (``knee_r``) that a model does not have in the middle of its landmarks; deviations, m.
 
     ``points``: the model's. Landmarks are put on a model by eye: they show the lengths of its bones to some
     millimetres along the leg, and no better than they lie where a person's do.
     """
     frames, found = pose_neutral_frames(model), {}
-    for name, (segment, at) in find_joint_centres(model).items():
+    for name, (segment, at) in lengths.find_joint_centres(model).items():
         above = _ABOVE_M.get(name.partition("_")[0])
         if above is not None and name in points:
             rotation, origin = frames[segment]
@@ -222,7 +219,7 @@ def find_doubtful_joints(model: BodyModel, points: Points) -> dict[str, float]:
     return found
 
 
-def _place_ankles(points: Points, side: str) -> Points:
+def _place_ankles(points: anatomy_centres.Points, side: str) -> anatomy_centres.Points:
     """A model's ankle as it would be found between the malleoli, and from the lateral one."""
     ankle, knee = points.get(f"ankle_{side}"), points.get(f"knee_{side}")
     if ankle is None:
@@ -233,36 +230,38 @@ def _place_ankles(points: Points, side: str) -> Points:
         chord = solve_chord_centre(
             knee, lateral, 2.0 * lateral - ankle, np.linalg.norm(lateral - ankle, axis=1)
         )
-        chord = lift_ankle(chord, knee)
+        chord = anatomy_centres.lift_ankle(chord, knee)
     return {
         f"ankle_{side}_middle": ankle,
         f"ankle_{side}_chord": ankle if chord is None or not np.isfinite(chord).all() else chord,
     }
 
 
-def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
+def with_sacrum(model: body.BodyModel, trials: abc.Iterable[Trial]) -> body.BodyModel:
     """The model with a sacral marker half-way between its PSIS, where recordings show one and no PSIS.
 
     It takes the name of the label; a model that has such a marker is left as it is.
     """
     shown = {label for trial in trials for label in trial.shown_labels}
-    landmarks = {find_canonical(label) for label in shown}
-    marked = {find_canonical(m.name): m for m in model.markers}
-    labels = [label for label in shown if find_canonical(label) == SACRUM]
+    landmarks = {anatomy_markers.find_canonical(label) for label in shown}
+    marked = {anatomy_markers.find_canonical(m.name): m for m in model.markers}
+    labels = [label for label in shown if anatomy_markers.find_canonical(label) == anatomy_markers.SACRUM]
     if (
         not labels
         or landmarks & {"RPSIS", "LPSIS"}
-        or SACRUM in marked
+        or anatomy_markers.SACRUM in marked
         or not {"RPSIS", "LPSIS"} <= marked.keys()
     ):
         return model
     right, left = marked["RPSIS"], marked["LPSIS"]
     x, y, z = np.add(right.nominal, left.nominal) / 2.0
-    new = Marker.at(sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight)
+    new = body.Marker.at(
+        sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight
+    )
     return model.with_markers((*model.markers, new))
 
 
-def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial:
+def with_virtual_landmarks(trial: Trial, centres: abc.Mapping[str, anatomy_centres.Centre]) -> Trial:
     """The trial as a model is posed by it: landmarks that it does not show added, raised shoulders left out.
 
     Medial epicondyles and malleoli are the lateral ones, mirrored at the joint's centre.
@@ -271,7 +270,13 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
     ``centres``: ``knee_r`` … in the frames of this trial.
     """
     at = without_raised_shoulders(read_landmarks(trial))
-    trial = _show_landmarks(trial, {name: at[name] for name in ("RSHO", "LSHO") if name in at})
+    # The trial with some landmarks where these points are
+    points: dict[str, Array] = {name: at[name] for name in ("RSHO", "LSHO") if name in at}
+    markers = trial.markers.copy()
+    for k, label in enumerate(trial.labels):
+        if _name(label) in points:
+            markers[:, k] = points[_name(label)]
+    trial = replace(trial, markers=markers)
     seen_once = {_name(label) for label in trial.shown_labels}
     at = {name: position for name, position in at.items() if name in seen_once}
     added: dict[str, Array] = {}
@@ -289,12 +294,3 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
         labels=(*(trial.labels[k] for k in kept), *added),
         markers=np.concatenate([trial.markers[:, kept], np.stack([*added.values()], axis=1)], axis=1),
     )
-
-
-def _show_landmarks(trial: Trial, points: Points) -> Trial:
-    """The trial with some landmarks where these points are."""
-    markers = trial.markers.copy()
-    for k, label in enumerate(trial.labels):
-        if _name(label) in points:
-            markers[:, k] = points[_name(label)]
-    return replace(trial, markers=markers)

@@ -7,28 +7,16 @@ as if they were frames. Distances that share a marker thus share its error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.sizes.measurements import (
-    Pair,
-    SegmentMeasurement,
-    list_available,
-    list_measurements,
-    measure_distances,
-)
+from scaling_service.capabilities.scaling.sizes import measurements as sizes_measurements
 from scaling_service.capabilities.scaling.sizes.points import PersonPoints, name_points
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.centres import (
-    Points,
-    Size,
-    construct_centres,
-    look_up_landmark_sd,
-    read_pelvis,
-)
+from scaling_service.model.anatomy import centres as anatomy_centres
 
 _UNKNOWN_SD = 0.05
 """Chosen: relative, of a distance whose ends no single frame shows with all that they rest on."""
@@ -46,7 +34,7 @@ class Ratios:
     ``covariance``: (n, n).
     """
 
-    measurements: tuple[SegmentMeasurement, ...]
+    measurements: tuple[sizes_measurements.SegmentMeasurement, ...]
     logs: Array
     covariance: Array
 
@@ -61,12 +49,12 @@ class Ratios:
 
 
 def measure_ratios(
-    people: Sequence[PersonPoints],
-    model: Points,
-    segments: Sequence[str],
+    people: abc.Sequence[PersonPoints],
+    model: anatomy_centres.Points,
+    segments: abc.Sequence[str],
     *,
     besides: bool = True,
-    doubtful: Mapping[str, float] = MappingProxyType({}),
+    doubtful: abc.Mapping[str, float] = MappingProxyType({}),
 ) -> Ratios:
     """Every distance that can be taken, each on the first recording that shows it (a plain mean: on one).
 
@@ -76,11 +64,11 @@ def measure_ratios(
     ``besides``: whether to take what only a weighted estimate can use.
     ``doubtful``: joint to the standard deviation of the middle of its landmarks on the model, along the leg.
     """
-    taken: list[tuple[SegmentMeasurement, Pair, PersonPoints]] = []
-    for measurement in list_measurements(segments):
-        done: set[Pair] = set()
+    taken: list[tuple[sizes_measurements.SegmentMeasurement, sizes_measurements.Pair, PersonPoints]] = []
+    for measurement in sizes_measurements.list_measurements(segments):
+        done: set[sizes_measurements.Pair] = set()
         for person in people:
-            pairs = list_available(measurement, person.points, model, besides=besides)
+            pairs = sizes_measurements.list_available(measurement, person.points, model, besides=besides)
             taken += [(measurement, pair, person) for pair in pairs if pair not in done]
             done.update(pairs)
             if done and not besides:
@@ -92,28 +80,28 @@ def measure_ratios(
     inputs = sorted({key for found in errors.values() for key in found.inputs})
     column = {key: k for k, key in enumerate(inputs)}
     logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs) + len(doubtful)))
-    moved = [_raise_joint(model, joint, sd) for joint, sd in doubtful.items()]
+    moved = []
+    for joint, sd in doubtful.items():
+        # The model's points with a joint higher up the leg, however it is found
+        up = np.array([0.0, sd, 0.0])
+        moved.append({name: at + up if name.startswith(joint) else at for name, at in model.items()})
     own = np.empty(len(taken))
     for row, (measurement, pair, person) in enumerate(taken):
-        seen = measure_distances(pair, person.points)
-        ours = float(measure_distances(pair, model)[0])
+        seen = sizes_measurements.measure_distances(pair, person.points)
+        ours = float(sizes_measurements.measure_distances(pair, model)[0])
         logs[row] = np.log(np.nanmean(seen) / ours)
         found = errors[id(person)]
         shifts = found.of_distance(pair)
         moving = 0.0 if person.standing else float(np.nanstd(seen) / np.nanmean(seen))
         own[row] = (measurement.shape_m / ours) ** 2 + moving**2
-        spread[row, len(inputs) :] = [np.log(ours / measure_distances(pair, points)[0]) for points in moved]
+        spread[row, len(inputs) :] = [
+            np.log(ours / sizes_measurements.measure_distances(pair, points)[0]) for points in moved
+        ]
         if np.isfinite(shifts).all():
             spread[row, [column[key] for key in found.inputs]] = shifts
         else:
             own[row] += _UNKNOWN_SD**2
     return Ratios(tuple(m for m, _, _ in taken), logs, spread @ spread.T + np.diag(own))
-
-
-def _raise_joint(model: Points, joint: str, by: float) -> Points:
-    """The model's points with a joint higher up the leg, however it is found."""
-    up = np.array([0.0, by, 0.0])
-    return {name: at + up if name.startswith(joint) else at for name, at in model.items()}
 
 
 def estimate_centre_sds(person: PersonPoints) -> dict[str, Array]:
@@ -131,13 +119,13 @@ class _Propagated:
     """A posture built again with each input one standard deviation up (even rows) and down (odd rows)."""
 
     inputs: tuple[Input, ...]
-    points: Points
+    points: anatomy_centres.Points
     axes: Array
 
     @classmethod
     def propagate(cls, person: PersonPoints) -> _Propagated:
         still = _choose_posture(person)
-        pelvis = read_pelvis({name: at[None] for name, at in still.items()})
+        pelvis = anatomy_centres.read_pelvis({name: at[None] for name, at in still.items()})
         axes = np.eye(3) if pelvis is None else pelvis.frame.rotation[0]
         axes = axes if np.isfinite(axes).all() else np.eye(3)
         sizes = person.sizes
@@ -147,26 +135,27 @@ class _Propagated:
         row = {key: 2 * k for k, key in enumerate(inputs)}
         n = 2 * len(inputs)
 
-        def move(name: str, sds: Sequence[float], turned: Array) -> Array:
+        def move(name: str, sds: abc.Sequence[float], turned: Array) -> Array:
             shift = np.zeros((n, 3))
             for axis, sd in enumerate(sds):
                 shift[row[name, axis]] += sd * turned[:, axis]
                 shift[row[name, axis] + 1] -= sd * turned[:, axis]
             return shift
 
-        def resize(name: str, value: Size, sd: float) -> Array:
+        def resize(name: str, value: anatomy_centres.Size, sd: float) -> Array:
             sizes_of = np.full(n, value)
             sizes_of[row[name, 0]] += sd
             sizes_of[row[name, 0] + 1] -= sd
             return sizes_of
 
         landmarks = {
-            name: at + move(name, [person.scale * sd for sd in look_up_landmark_sd(name)], axes)
+            name: at
+            + move(name, [person.scale * sd for sd in anatomy_centres.look_up_landmark_sd(name)], axes)
             for name, at in still.items()
         }
         errors = {name: move(name, centre.sd, np.eye(3)) for name, centre in person.centres.items()}
         widths = {k: (resize(f"{k} width", value, sd), sd) for k, (value, sd) in sizes.widths.items()}
-        centres = construct_centres(
+        centres = anatomy_centres.construct_centres(
             landmarks,
             replace(sizes, widths=widths),
             person.regression,
@@ -175,9 +164,9 @@ class _Propagated:
         )
         return cls(tuple(inputs), name_points(landmarks, centres), axes)
 
-    def of_distance(self, pair: Pair) -> Array:
+    def of_distance(self, pair: sizes_measurements.Pair) -> Array:
         """How much each input moves the logarithm of a distance, (n_inputs,)."""
-        logs = np.log(measure_distances(pair, self.points))
+        logs = np.log(sizes_measurements.measure_distances(pair, self.points))
         return np.asarray(0.5 * (logs[0::2] - logs[1::2]))
 
     def of_point(self, name: str) -> Array:
@@ -201,7 +190,7 @@ def _find_fullest(person: PersonPoints) -> int:
     return int(np.argmax(shown.sum(axis=0)))
 
 
-def _find_hips(person: PersonPoints) -> Mapping[str, Array]:
+def _find_hips(person: PersonPoints) -> abc.Mapping[str, Array]:
     if person.standing:
         return {name: np.nanmean(at, axis=0) for name, at in person.hips.items()}
     frame = _find_fullest(person)

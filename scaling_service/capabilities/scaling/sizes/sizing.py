@@ -9,7 +9,7 @@ marked one as far as legs resemble each other.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from itertools import combinations
 from types import MappingProxyType
@@ -18,22 +18,21 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
 from scaling_service.capabilities.scaling.sizes import points
+from scaling_service.capabilities.scaling.sizes import ratios as sizes_ratios
 from scaling_service.capabilities.scaling.sizes.measurements import open_axes
-from scaling_service.capabilities.scaling.sizes.ratios import Ratios, estimate_centre_sds, measure_ratios
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.model import body
-from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
-from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
+from scaling_service.model import body, results
+from scaling_service.model import subject as subjects
+from scaling_service.model.anatomy import anthropometry
+from scaling_service.model.anatomy import centres as anatomy_centres
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.places import find_landmarks_by_place
-from scaling_service.model.results import EstimatedCentre, SegmentSize
-from scaling_service.model.subject import Session, Subject
 
-_WORDS: Mapping[str, str] = MappingProxyType(
+_WORDS: abc.Mapping[str, str] = MappingProxyType(
     {
         "inter_hip": "pelvis sacrum",
         "femur": "femur thigh patella",
@@ -48,14 +47,14 @@ _WORDS: Mapping[str, str] = MappingProxyType(
 )
 """Dimension, and the words in a segment's name that say that its size follows it."""
 
-_DIMENSION_OF: Mapping[str, str] = MappingProxyType(
+_DIMENSION_OF: abc.Mapping[str, str] = MappingProxyType(
     {word: dimension for dimension, words in _WORDS.items() for word in words.split()}
 )
-DECLARED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.02, "mass": 0.05})
+DECLARED_SD: abc.Mapping[str, float] = MappingProxyType({"stature": 0.02, "mass": 0.05})
 """Relative standard deviation of what files declare. Mass is often 2 to 5 % off (shoes, clothes, an older
 value); stature, chosen: shoes, and a child grows by 4 % in a year."""
 
-_PRIOR_NAMES: Mapping[str, str] = MappingProxyType({"asis_width": "pelvis_width"})
+_PRIOR_NAMES: abc.Mapping[str, str] = MappingProxyType({"asis_width": "pelvis_width"})
 """Sizes measured by hand that anthropometry has under another name."""
 
 BONE_SD_M = 0.002
@@ -70,7 +69,7 @@ _SHORTEST_M = 0.03  # chosen: nearer markers measure their own placing
 
 _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 
-NO_BONES: Mapping[str, float] = MappingProxyType({})
+NO_BONES: abc.Mapping[str, float] = MappingProxyType({})
 
 _MIDLINE = frozenset({"inter_hip", "trunk", "head_length"})
 _NO_PERSONS = 0.5
@@ -101,13 +100,14 @@ def find_dimension(segment: str) -> str | None:
     return f"{dimension}_{'l' if left else 'r'}"
 
 
-def expect_dimensions(subject: Subject) -> DimensionPrior:
+def expect_dimensions(subject: subjects.Subject) -> anthropometry.DimensionPrior:
     """What is known of a person's dimensions before markers are looked at: declared and measured by hand."""
-    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None).names
+    blank = anthropometry.predict_dimensions(sex=None, height_m=None, mass_kg=None).names
     sizes = {
-        _PRIOR_NAMES.get(name, name): (value, size_sd(name, value)) for name, value in subject.sizes_m.items()
+        _PRIOR_NAMES.get(name, name): (value, anatomy_centres.size_sd(name, value))
+        for name, value in subject.sizes_m.items()
     }
-    return predict_dimensions(
+    return anthropometry.predict_dimensions(
         sex=subject.sex,
         height_m=subject.height_m,
         mass_kg=subject.mass_kg,
@@ -117,8 +117,12 @@ def expect_dimensions(subject: Subject) -> DimensionPrior:
 
 
 def estimate_sizes(
-    model: body.BodyModel, ratios: Ratios, prior: DimensionPrior, *, weighted: bool = True
-) -> dict[str, SegmentSize]:
+    model: body.BodyModel,
+    ratios: sizes_ratios.Ratios,
+    prior: anthropometry.DimensionPrior,
+    *,
+    weighted: bool = True,
+) -> dict[str, results.SegmentSize]:
     """The size of every segment over the model's, with its standard deviation and what it rests on.
 
     ``model``: the generic model.
@@ -136,7 +140,7 @@ def estimate_sizes(
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.average()
     # Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths.
-    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
+    blank = anthropometry.predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
     lengths = {}
     for name, length in measure_segment_lengths(model).items():
         sided = name if name in blank.names else f"{name}_r"
@@ -158,7 +162,7 @@ def estimate_sizes(
         k = names.index(dimension)
         mine = [j for j, row in enumerate(rows) if row == dimension]
         share = float(gain[k, mine].sum())
-        sizes[segment] = SegmentSize(
+        sizes[segment] = results.SegmentSize(
             dimension=dimension,
             factor=float(np.exp(logs[k])),
             sd=float(np.sqrt(covariance[k, k])),
@@ -169,7 +173,9 @@ def estimate_sizes(
     return _with_followers(model, sizes)
 
 
-def _with_followers(model: body.BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:
+def _with_followers(
+    model: body.BodyModel, sizes: abc.Mapping[str, results.SegmentSize]
+) -> dict[str, results.SegmentSize]:
     """Segments whose names say nothing take the size of the nearest one above, else of the first."""
     found = dict(sizes)
     parents = {segment.name: segment.parent for segment in model.segments}
@@ -191,18 +197,18 @@ class Sizing:
     ``people``: the recordings' points, the best first.
     """
 
-    factors: Mapping[str, body.Vector]
-    sizes: Mapping[str, SegmentSize]
-    centres: Mapping[str, EstimatedCentre]
+    factors: abc.Mapping[str, body.Vector]
+    sizes: abc.Mapping[str, results.SegmentSize]
+    centres: abc.Mapping[str, results.EstimatedCentre]
     people: tuple[points.PersonPoints, ...]
     notes: tuple[str, ...]
 
 
 def size_segments(
-    session: Session,
+    session: subjects.Session,
     settings: CalibrationSettings,
     joints: FunctionalJoints | None = None,
-    lengths: Mapping[str, float] = NO_BONES,
+    lengths: abc.Mapping[str, float] = NO_BONES,
 ) -> Sizing:
     """Factors of each segment from landmarks and anthropometry: one, or one along each axis.
 
@@ -215,7 +221,7 @@ def size_segments(
     subject, model = session.subject, session.model
     places = find_landmarks_by_place(model)
     prior = expect_dimensions(subject).condition({name: (at, BONE_SD_M) for name, at in lengths.items()})
-    scale = prior.value("stature") / ADULT_STATURE_M
+    scale = prior.value("stature") / anatomy_centres.ADULT_STATURE_M
     known = estimate_body_sizes(session, prior, places)
     people = tuple(
         points.find_person_points(
@@ -234,7 +240,7 @@ def size_segments(
     weighted = settings.sizes == "weighted" or bool(lengths)
     bones = {model.bone_of(name): name for name in model.segment_names}
     doubtful = points.find_doubtful_joints(model, ours)
-    ratios = measure_ratios(people, ours, tuple(bones), besides=weighted, doubtful=doubtful)
+    ratios = sizes_ratios.measure_ratios(people, ours, tuple(bones), besides=weighted, doubtful=doubtful)
     if not len(ratios.logs):
         return _size_by_own_markers(session, people)
     for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
@@ -258,7 +264,7 @@ def size_segments(
     )
 
 
-def _size_by_own_markers(session: Session, people: tuple[points.PersonPoints, ...]) -> Sizing:
+def _size_by_own_markers(session: subjects.Session, people: tuple[points.PersonPoints, ...]) -> Sizing:
     """Each segment by the distances between the model's own markers on it, none of which is a landmark.
 
     The factor is that of least squares; its deviation that of two hand-placed markers, over their distance.
@@ -276,7 +282,7 @@ def _size_by_own_markers(session: Session, people: tuple[points.PersonPoints, ..
         known = np.isfinite(theirs) & (ours > _SHORTEST_M)
         if known.any():
             factor = float(ours[known] @ theirs[known] / np.square(ours[known]).sum())
-            sizes[segment] = SegmentSize(
+            sizes[segment] = results.SegmentSize(
                 dimension=find_dimension(model.bone_of(segment)) or segment,
                 factor=factor,
                 sd=float(np.sqrt(2.0) * PALPATION_M / ours[known].max()),
@@ -309,40 +315,45 @@ def measure_distance(one: Array, other: Array) -> float:
 
 
 def estimate_body_sizes(
-    session: Session, prior: DimensionPrior, places: points.Places = points.NO_PLACES
-) -> BodySizes:
+    session: subjects.Session, prior: anthropometry.DimensionPrior, places: points.Places = points.NO_PLACES
+) -> anatomy_centres.BodySizes:
     """Sizes as measured, else as the other side's, else as of persons like this one."""
     measured = session.subject.sizes_m
-    widths: dict[str, tuple[Size, float]] = {}
+    widths: dict[str, tuple[anatomy_centres.Size, float]] = {}
     for joint in ("knee", "ankle"):
         for side, other in ("rl", "lr"):
             name = f"{joint}_width"
             own = measured.get(f"{name}_{side}", measured.get(f"{name}_{other}"))
             expected = f"{name}_{side}"
             widths[f"{joint}_{side}"] = (
-                (prior.value(expected), prior.sd(expected)) if own is None else (own, size_sd(name, own))
+                (prior.value(expected), prior.sd(expected))
+                if own is None
+                else (own, anatomy_centres.size_sd(name, own))
             )
     legs = {side: measured[f"leg_length_{side}"] for side in "rl" if f"leg_length_{side}" in measured}
-    diameter = measured.get("marker_diameter", 2.0 * MARKER_RADIUS_M)
-    sizes = BodySizes(widths, legs, diameter / 2.0)
+    diameter = measured.get("marker_diameter", 2.0 * anatomy_centres.MARKER_RADIUS_M)
+    sizes = anatomy_centres.BodySizes(widths, legs, diameter / 2.0)
     if session.static is None:
         return sizes
     return sizes.with_leg_lengths(points.measure_standing_legs(points.read_landmarks(session.static, places)))
 
 
-def _list_centres(people: Sequence[points.PersonPoints]) -> dict[str, EstimatedCentre]:
-    found: dict[str, EstimatedCentre] = {}
+def _list_centres(people: abc.Sequence[points.PersonPoints]) -> dict[str, results.EstimatedCentre]:
+    found: dict[str, results.EstimatedCentre] = {}
     for person in people:
         if not found.keys() >= person.centres.keys():
-            for name, (x, y, z) in estimate_centre_sds(person).items():
+            for name, (x, y, z) in sizes_ratios.estimate_centre_sds(person).items():
                 sds = (float(x), float(y), float(z))
-                found.setdefault(name, EstimatedCentre(person.centres[name].source, sds))
+                found.setdefault(name, results.EstimatedCentre(person.centres[name].source, sds))
     return found
 
 
 def _write_notes(
-    model: body.BodyModel, ratios: Ratios, sizes: Mapping[str, SegmentSize], subject: Subject
-) -> Sequence[str]:
+    model: body.BodyModel,
+    ratios: sizes_ratios.Ratios,
+    sizes: abc.Mapping[str, results.SegmentSize],
+    subject: subjects.Subject,
+) -> abc.Sequence[str]:
     notes = []
     for measurement in dict.fromkeys(ratios.measurements):
         taken, all_pairs = ratios.measurements.count(measurement), len(measurement.pairs)
@@ -371,7 +382,7 @@ def _write_notes(
     return notes
 
 
-def format_percent(sds: Sequence[float]) -> str:
+def format_percent(sds: abc.Sequence[float]) -> str:
     """The range of some relative deviations."""
     low, high = (f"{100.0 * sd:.0f}" for sd in (min(sds), max(sds)))
     return f"{low} %" if low == high else f"{low} to {high} %"

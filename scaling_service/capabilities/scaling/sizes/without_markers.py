@@ -7,15 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.sizes import sizing
 from scaling_service.capabilities.scaling.sizes.ratios import Ratios
-from scaling_service.capabilities.scaling.sizes.sizing import (
-    Sizing,
-    check_factor,
-    estimate_sizes,
-    expect_dimensions,
-    format_percent,
-    measure_distance,
-)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.key_points import shows_key_points_alone
@@ -62,32 +55,13 @@ def refuse_without_markers(method: str) -> None:
         )
 
 
-def size_without_markers(session: Session) -> Sizing:
+def size_without_markers(session: Session) -> sizing.Sizing:
     """Factors of each segment where no recording has a marker: as of persons of this stature and sex.
 
     And by how far apart a markerless system has the joint centres, where the recordings are such a system's.
     """
     subject, model = session.subject, session.model
-    lengths = _measure_between_centres(session)
-    sd = float(np.sqrt(2.0) * read_rotation_table().centre)
-    prior = expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
-    nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
-    sizes = estimate_sizes(model, nothing, prior)
-    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
-    for segment, (factor, *_) in factors.items():
-        check_factor(factor, segment)
-    known = [
-        f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value
-    ]
-    like = " and ".join(known) or "nothing known"
-    beside = f", and by joint centres without markers ({list_few(list(lengths))})" if lengths else ""
-    deviations = format_percent([size.sd for size in sizes.values()])
-    note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
-    return Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))
-
-
-def _measure_between_centres(session: Session) -> dict[str, float]:
-    """A person's dimensions by joint centres that a system without markers tells, m, as far as it does."""
+    # A person's dimensions by joint centres that a system without markers tells, m, as far as it does
     found: dict[str, list[float]] = {}
     for trial in (session.static, *session.dynamic, *session.rotations):
         if trial is None:
@@ -100,6 +74,23 @@ def _measure_between_centres(session: Session) -> dict[str, float]:
         for dimension, pairs in _BETWEEN.items():
             for one, other in pairs:
                 if {one, other} <= places.keys():
-                    found.setdefault(dimension, []).append(measure_distance(places[one], places[other]))
+                    found.setdefault(dimension, []).append(
+                        sizing.measure_distance(places[one], places[other])
+                    )
     means = {name: float(np.mean(np.array(values)[np.isfinite(values)])) for name, values in found.items()}
-    return {name: value for name, value in means.items() if value > _LEAST_M}
+    lengths = {name: value for name, value in means.items() if value > _LEAST_M}
+    sd = float(np.sqrt(2.0) * read_rotation_table().centre)
+    prior = sizing.expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
+    nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
+    sizes = sizing.estimate_sizes(model, nothing, prior)
+    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
+    for segment, (factor, *_) in factors.items():
+        sizing.check_factor(factor, segment)
+    known = [
+        f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value
+    ]
+    like = " and ".join(known) or "nothing known"
+    beside = f", and by joint centres without markers ({list_few(list(lengths))})" if lengths else ""
+    deviations = sizing.format_percent([size.sd for size in sizes.values()])
+    note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
+    return sizing.Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))

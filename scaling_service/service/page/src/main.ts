@@ -40,6 +40,7 @@ async function viewOf({ parts }: Place): Promise<View> {
       return (await part(() => import("./views/start.ts"))).start;
     case "subjects":
       if (parts[1] === undefined) return (await part(() => import("./views/subjects.ts"))).subjects;
+      if (parts[2] === "report") return (await part(() => import("./views/person.ts"))).person;
       return parts[2] === "run" ? (await part(() => import("./views/run.ts"))).run : (await part(() => import("./views/import.ts"))).importing;
     case "jobs":
       return parts[1] === undefined ? (await part(() => import("./views/jobs.ts"))).jobs : (await part(() => import("./views/job.ts"))).job;

@@ -26,7 +26,7 @@ export function link(parts: readonly string[], query: Record<string, string> = {
   return `#/${parts.map(encodeURIComponent).join("/")}${search === "" ? "" : `?${search}`}`;
 }
 
-export const toSubject = (id: string, tab: "import" | "run" = "import"): string => link(["subjects", id, tab]);
+export const toSubject = (id: string, tab: "import" | "run" | "report" = "import"): string => link(["subjects", id, tab]);
 
 export const toJob = (id: string, ...rest: string[]): string => link(["jobs", id, ...rest]);
 

@@ -18,8 +18,8 @@ TASKS: dict[str, Task] = {
     task.name: task
     for task in (
         persons.describe_task(),
-        images.FROM_MARKERS,
-        images.FROM_BONES,
+        images.describe_marker_task(),
+        images.describe_bone_task(),
         living_bone.describe_task(),
         hidden.describe_task(),
         wild_recordings.describe_task(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections import abc
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from scaling_service.files.trc import write_trc
 from scaling_service.model.body import Marker
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.trial import Trial
-from scaling_service.studies.benchmark.parts import Run, ask_opensim
+from scaling_service.studies.benchmark import parts
 
 GENERIC = "lower_limb_14dof"
 
@@ -23,7 +23,7 @@ _ROUGHLY = {
 """Where markers of clusters are put on the generic model, m, right side; the scale tool's marker placer moves
 them to where they were in the standing trial."""
 
-_MEASUREMENTS: Mapping[str, tuple[tuple[str, str], ...]] = {
+_MEASUREMENTS: abc.Mapping[str, tuple[tuple[str, str], ...]] = {
     "pelvis": (("RASIS", "LASIS"),),
     "femur_r femur_l": (("RASIS", "RLFE"), ("LASIS", "LLFE")),
     "tibia_r tibia_l": (("RLFE", "RLM"), ("LLFE", "LLM")),
@@ -31,7 +31,7 @@ _MEASUREMENTS: Mapping[str, tuple[tuple[str, str], ...]] = {
 """As OpenSim's own example for gait2354 measures pelvis, thigh and shank (subject01_Setup_Scale.xml)."""
 
 
-def write_legs(folder: Path, trials: Iterable[Trial], clusters: Mapping[str, str]) -> None:
+def write_legs(folder: Path, trials: abc.Iterable[Trial], clusters: abc.Mapping[str, str]) -> None:
     """Write ``generic.osim``, ``setup_scale.xml`` and every trial as TRC; the one named static is standing.
 
     ``clusters``: markers that the generic model lacks, and the segment each is on.
@@ -53,7 +53,7 @@ def write_legs(folder: Path, trials: Iterable[Trial], clusters: Mapping[str, str
     (folder / "setup_scale.xml").write_text(_write_setup([m.name for m in model.markers], last), "utf-8")
 
 
-def write_subject(folder: Path, document: Mapping[str, Any]) -> Path:
+def write_subject(folder: Path, document: abc.Mapping[str, Any]) -> Path:
     """Write a subject file for our program (JSON is YAML, too)."""
     path = folder / "subject.yaml"
     path.write_text(json.dumps(document, indent=1), encoding="utf-8")
@@ -87,7 +87,7 @@ def _write_setup(markers: list[str], last_s: float) -> str:
     )
 
 
-def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: Run) -> None:
+def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: parts.Run) -> None:
     """Our model, and the motion that the model, used again, has in a recording, with its deviations."""
     result = run(["scale", folder / "subject.yaml", "--method", method]) / method
     followed = run(["ik", result / "model.json", folder / f"{moving}.trc"])
@@ -96,14 +96,14 @@ def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: Run
     (followed / f"{moving}_ik_sd.mot").replace(answer / f"{moving}_sd.mot")
 
 
-def scale_by_opensim(folder: Path, moving: str, answer: Path, _run: Run) -> None:
+def scale_by_opensim(folder: Path, moving: str, answer: Path, _run: parts.Run) -> None:
     """What the scale tool and then the inverse kinematics tool make of it."""
     model = answer / "model.osim"
-    ask_opensim(
+    parts.ask_opensim(
         "scale",
         folder / "setup_scale.xml",
         model=folder / "generic.osim",
         static=folder / "static.trc",
         output=model,
     )
-    ask_opensim("track", model, recording=folder / f"{moving}.trc", output=answer / f"{moving}.mot")
+    parts.ask_opensim("track", model, recording=folder / f"{moving}.trc", output=answer / f"{moving}.mot")

@@ -5,7 +5,7 @@ OpenSim is the yardstick here, so its own row is zero: agreement, not truth.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -18,7 +18,7 @@ from scaling_service.studies.benchmark.tasks._legs import write_subject
 _LEGS = ("hip", "knee", "ankle")
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """gait2354 in one step; Rajagopal's model by the first of its two, which sets the sizes."""
     gait, walk = data / "gait2354", data / "rajagopal_walk"
     files = {
@@ -68,14 +68,14 @@ def answer_by_ours(box: Path, walk: str, answer: Path, run: parts.Run) -> None:
     (written / f"{walk}_ik.mot").replace(answer / "walk.mot")
 
 
-def answer_by_opensim(paths: Mapping[str, Path], answer: Path, _run: parts.Run) -> None:
+def answer_by_opensim(paths: abc.Mapping[str, Path], answer: Path, _run: parts.Run) -> None:
     """The scale tool, then the inverse kinematics tool with all markers alike."""
     given = {key: paths[key] for key in ("model", "marker_set", "static")}
     parts.ask_opensim("scale", paths["scale_setup"], output=answer / "model.osim", **given)
     parts.ask_opensim("track", answer / "model.osim", recording=paths["walk"], output=answer / "walk.mot")
 
 
-def judge_agreement(answer: Path, opensim: Path) -> Mapping[str, float]:
+def judge_agreement(answer: Path, opensim: Path) -> abc.Mapping[str, float]:
     """Distances between joints of the legs at the default pose, and the legs' angles in the walk."""
     ours, theirs = (parts.trace_model(f / "model.osim") for f in (answer, opensim))
     gaps = []

@@ -7,7 +7,7 @@ begin with is asked by the task on CT and MRI.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from functools import partial
 from pathlib import Path
 
@@ -16,11 +16,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from scaling_service.studies.benchmark import parts
-from scaling_service.studies.benchmark.tasks.images import find_bone, list_imaged
+from scaling_service.studies.benchmark.tasks import images
 
 Bones = dict[str, trimesh.Trimesh]
-Place = Callable[[parts.Array], parts.Array]
-Change = Callable[[Bones, parts.Array], tuple[Bones, Place]]
+Place = abc.Callable[[parts.Array], parts.Array]
+Change = abc.Callable[[Bones, parts.Array], tuple[Bones, Place]]
 """Bones, and the direction from knee to hip, to changed bones and where their points then are."""
 
 TIGHT_MM, LOOSE_MM = 0.5, 5.0
@@ -28,12 +28,6 @@ TIGHT_MM, LOOSE_MM = 0.5, 5.0
 (Della Croce 2005: 2-6 mm)."""
 
 MUST_REFUSE = "must refuse"
-
-
-def _read(file: Path) -> trimesh.Trimesh:
-    mesh = trimesh.load_mesh(file)
-    assert isinstance(mesh, trimesh.Trimesh)
-    return mesh
 
 
 def _turn(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
@@ -90,7 +84,7 @@ def _double(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     return {"femur_r": trimesh.Trimesh(vertices, faces, process=False)}, _stay
 
 
-VARIANTS: Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
+VARIANTS: abc.Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
     "clean": (lambda bones, _up: (bones, _stay), TIGHT_MM, ("hip_centre", "knee_centre")),
     "turned": (_turn, TIGHT_MM, ("hip_centre", "knee_centre")),
     "inside_out": (_turn_inside_out, TIGHT_MM, ("hip_centre", "knee_centre")),
@@ -104,11 +98,16 @@ VARIANTS: Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
 """What becomes of the bones, how far landmarks may then be off (mm), and what must still be given."""
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """Every variant of the right femur and tibia of three persons."""
     cases = []
-    for person, (where, expert) in list_imaged(data).items():
-        bones = {s: _read(find_bone(where, s)) for s in ("femur_r", "tibia_r")}
+    for person, (where, expert) in images.list_imaged(data).items():
+        bones = {}
+        for s in ("femur_r", "tibia_r"):
+            file = images.find_bone(where, s)
+            surface = trimesh.load_mesh(file)
+            assert isinstance(surface, trimesh.Trimesh)
+            bones[s] = surface
         up = expert["hip_r"][0] - expert["knee_r"][0]
         for variant, (change, within, must) in VARIANTS.items():
             changed, place = change(bones, up / np.linalg.norm(up))
@@ -126,7 +125,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     return cases
 
 
-def answer_by_ours(files: Mapping[str, Path], answer: Path, run: parts.Run) -> None:
+def answer_by_ours(files: abc.Mapping[str, Path], answer: Path, run: parts.Run) -> None:
     """Landmarks, or that the bones were refused."""
     slots = [word for slot, path in files.items() for word in (f"--{slot}", path)]
     try:
@@ -137,7 +136,7 @@ def answer_by_ours(files: Mapping[str, Path], answer: Path, run: parts.Run) -> N
     (written / "landmarks.json").replace(answer / "landmarks.json")
 
 
-def judge_refusal(answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_refusal(answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
     """Right is a refusal; landmarks of a wrong bone are wrong."""
     if (answer / "landmarks.json").is_file():
         return {"wrong": 100.0}
@@ -148,7 +147,7 @@ def judge_refusal(answer: Path, _opensim: Path) -> Mapping[str, float]:
 
 def judge_variant(
     clean: str, place: Place, within_mm: float, must: tuple[str, ...], answer: Path, _opensim: Path
-) -> Mapping[str, float]:
+) -> abc.Mapping[str, float]:
     """Whether what must be given is there, and no point of the femur is off by more than the tolerance.
 
     Or than three of the deviations that are stated for it.

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.files import sto
-from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.files import sto, trc
 from scaling_service.model.trial import Trial
-from scaling_service.studies.benchmark.parts import WRONG, Array, Case, Metric, Run, Task, read_answer
+from scaling_service.studies.benchmark import parts as benchmark_parts
 from scaling_service.studies.benchmark.tasks._legs import write_subject
 
 SQUAT, WALK = "squats1", "walking1"
@@ -21,7 +20,7 @@ MASS_KG = 62.6
 TRUE_OF_THE_PERSON = "body_mass"
 """The plates carry 60.1 kg where 62.6 are declared: that is no false name."""
 
-Change = Callable[[Path], None]
+Change = abc.Callable[[Path], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,13 +34,15 @@ class Hidden:
     size: tuple[str, float, float] | None = None
 
 
-def _change_markers(names: Sequence[str], change: Callable[[Trial], Array], box: Path) -> None:
+def _change_markers(
+    names: abc.Sequence[str], change: abc.Callable[[Trial], benchmark_parts.Array], box: Path
+) -> None:
     for name in names:
-        trial = read_trc(box / f"{name}.trc")
-        write_trc(box / f"{name}.trc", replace(trial.trial, markers=change(trial)), "m")
+        trial = trc.read_trc(box / f"{name}.trc")
+        trc.write_trc(box / f"{name}.trc", replace(trial.trial, markers=change(trial)), "m")
 
 
-def _exchange(first: str, second: str, trial: Trial) -> Array:
+def _exchange(first: str, second: str, trial: Trial) -> benchmark_parts.Array:
     """Two labels for a fifth of the time."""
     markers, n = trial.markers.copy(), trial.n_frames
     pair = [trial.labels.index(first), trial.labels.index(second)]
@@ -52,7 +53,7 @@ def _exchange(first: str, second: str, trial: Trial) -> Array:
 
 def _stick(
     name: str, ends: tuple[str, str, str], offset_m: tuple[float, float, float], trial: Trial
-) -> Array:
+) -> benchmark_parts.Array:
     """A marker elsewhere on its segment, which is known by three others that move with it."""
     markers = trial.markers.copy()
     a, b, c = (trial.markers[:, trial.labels.index(end)] for end in ends)
@@ -64,7 +65,7 @@ def _stick(
     return markers
 
 
-def _change_forces(change: Callable[[sto.Table, Array], None], box: Path) -> None:
+def _change_forces(change: abc.Callable[[sto.Table, benchmark_parts.Array], None], box: Path) -> None:
     for name in (SQUAT, WALK):
         path = box / f"{name}_grf.mot"
         table = sto.read_sto(path)
@@ -79,12 +80,12 @@ def _list_columns(table: sto.Table, plate: int, what: str) -> list[int]:
     return found[3 * (plate - 1) : 3 * plate]
 
 
-def _gain(table: sto.Table, data: Array) -> None:
+def _gain(table: sto.Table, data: benchmark_parts.Array) -> None:
     for what in ("v", "moment"):
         data[:, _list_columns(table, 2, what)] *= 1.10
 
 
-def _shift(table: sto.Table, data: Array) -> None:
+def _shift(table: sto.Table, data: benchmark_parts.Array) -> None:
     loaded = np.abs(data[:, _list_columns(table, 1, "v")[1]]) > 1.0
     data[loaded, _list_columns(table, 1, "p")[2]] += 0.040
 
@@ -93,7 +94,7 @@ def _nothing(_box: Path) -> None:
     """No change of files."""
 
 
-HIDDEN: Mapping[str, Hidden | None] = {
+HIDDEN: abc.Mapping[str, Hidden | None] = {
     "ordinary": None,
     "swap": Hidden(
         kind="marker_swap",
@@ -138,7 +139,7 @@ HIDDEN: Mapping[str, Hidden | None] = {
 }
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[benchmark_parts.Case]:
     """Squats to fit and a walk held out, as recorded and with one thing hidden in them."""
     cases = []
     for name, hidden in HIDDEN.items():
@@ -158,19 +159,25 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
             "forces": {f"{t}.trc": f"{t}_grf.mot" for t in (SQUAT, WALK)},
         }
         write_subject(box, document)
-        cases.append(Case(name=name, judge=partial(judge_names, hidden), ours=partial(search, box)))
+        cases.append(
+            benchmark_parts.Case(name=name, judge=partial(judge_names, hidden), ours=partial(search, box))
+        )
     return cases
 
 
-def search(box: Path, answer: Path, run: Run) -> None:
+def search(box: Path, answer: Path, run: benchmark_parts.Run) -> None:
     """Our search, with the model as it is."""
     written = run(["discover", box / "subject.yaml", "--start", "none", "--no-report"])
     (written / "discovery.json").replace(answer / "discovery.json")
 
 
-def judge_names(hidden: Hidden | None, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_names(hidden: Hidden | None, answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
     """Right: it is named at its place and in its size; in ordinary recordings: nothing but the mass is."""
-    effects = [e for e in read_answer(answer, "discovery.json").get("effects", []) if e.get("carries", True)]
+    effects = [
+        e
+        for e in benchmark_parts.read_answer(answer, "discovery.json").get("effects", [])
+        if e.get("carries", True)
+    ]
     own = [
         e for e in effects if hidden is not None and e["kind"] == hidden.kind and hidden.where & {*e["where"]}
     ]
@@ -179,7 +186,7 @@ def judge_names(hidden: Hidden | None, answer: Path, _opensim: Path) -> Mapping[
     return {"wrong": 0.0 if right else 100.0, "others": float(len(others))}
 
 
-def _has_size(effect: Mapping[str, Mapping[str, Mapping[str, float]]], hidden: Hidden) -> bool:
+def _has_size(effect: abc.Mapping[str, abc.Mapping[str, abc.Mapping[str, float]]], hidden: Hidden) -> bool:
     if hidden.size is None:
         return True
     suffix, value, within = hidden.size
@@ -188,14 +195,14 @@ def _has_size(effect: Mapping[str, Mapping[str, Mapping[str, float]]], hidden: H
     return abs(found - value) <= within
 
 
-def describe_task() -> Task:
+def describe_task() -> benchmark_parts.Task:
     """What is asked and how it is judged."""
-    return Task(
+    return benchmark_parts.Task(
         name="hidden",
         title="Effects hidden in real recordings",
         truth="what was done to the files of a squatting and walking person; the person's own faults are "
         "unknown",
         needs=("opencap_squat/manually_scaled.osim",),
-        metrics=(WRONG, Metric(key="others", title="other names")),
+        metrics=(benchmark_parts.WRONG, benchmark_parts.Metric(key="others", title="other names")),
         cases=make_cases,
     )

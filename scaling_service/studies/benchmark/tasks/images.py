@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections import abc
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,7 @@ def describe_jia(static: str = "static.trc", walk: str = "walking02.trc") -> dic
     }
 
 
-def make_marker_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_marker_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """The one person with markers and images."""
     box = folder / "jia_mri"
     write_jia(data, box)
@@ -79,8 +79,8 @@ def make_marker_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Ca
 
 
 def judge_markers(
-    expert: Mapping[str, tuple[parts.Array, parts.Array]], seen: Path, answer: Path, _opensim: Path
-) -> Mapping[str, float]:
+    expert: abc.Mapping[str, tuple[parts.Array, parts.Array]], seen: Path, answer: Path, _opensim: Path
+) -> abc.Mapping[str, float]:
     """The hip against the pelvis's skin markers, as the image shows both, and the femur's length."""
     traced = parts.trace_model(answer / "model.osim")
     with seen.open(encoding="utf-8", newline="") as stream:
@@ -101,7 +101,7 @@ def judge_markers(
     }
 
 
-def make_bone_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_bone_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """Femur, tibia and talus of three persons, and an ankle in pieces."""
     cases = []
     for name, (where, expert) in list_imaged(data).items():
@@ -118,13 +118,13 @@ def make_bone_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case
     return cases
 
 
-def _copy_bones(source: Path, slots: Sequence[str], box: Path) -> dict[str, Path]:
+def _copy_bones(source: Path, slots: abc.Sequence[str], box: Path) -> dict[str, Path]:
     files = {slot: find_bone(source, slot) for slot in slots}
     parts.copy_inputs(files.values(), box)
     return {slot: box / file.name for slot, file in files.items()}
 
 
-def find_landmarks(bones: Mapping[str, Path], answer: Path, run: parts.Run) -> None:
+def find_landmarks(bones: abc.Mapping[str, Path], answer: Path, run: parts.Run) -> None:
     """Ours, from surfaces in mm."""
     slots = [word for slot, path in bones.items() for word in (f"--{slot}", path)]
     written = run(["landmarks", "--units", "mm", *slots])
@@ -132,8 +132,8 @@ def find_landmarks(bones: Mapping[str, Path], answer: Path, run: parts.Run) -> N
 
 
 def judge_bones(
-    expert: Mapping[str, tuple[parts.Array, parts.Array]], answer: Path, _opensim: Path
-) -> Mapping[str, float]:
+    expert: abc.Mapping[str, tuple[parts.Array, parts.Array]], answer: Path, _opensim: Path
+) -> abc.Mapping[str, float]:
     """Hip, knee and ankle against the expert's, and the knee's axis (the cylinder, where there is one)."""
     document = parts.read_answer(answer, "landmarks.json")
     femur, tibia = document.get("femur_r", {}), document.get("tibia_r", {})
@@ -152,21 +152,21 @@ def judge_bones(
     }
 
 
-def judge_ankle(centre: parts.Array, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_ankle(centre: parts.Array, answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
     """The ankle of a distal shank and a talus, against the trochlea's cylinder."""
     tibia = parts.read_answer(answer, "landmarks.json").get("tibia_r", {})
     off = _measure_gap(tibia, "ankle_centre_mm", centre)
     return {"centres": off, "ankle": off}
 
 
-def _measure_gap(bone: Mapping[str, Any], key: str, true: parts.Array) -> float:
+def _measure_gap(bone: abc.Mapping[str, Any], key: str, true: parts.Array) -> float:
     if not isinstance(bone.get(key), list):
         raise parts.NoAnswer(f"landmarks.json has no {key}")
     found: parts.Array = np.array(bone[key], dtype=float)
     return float(np.linalg.norm(found - true))
 
 
-def read_expert(folder: Path) -> Mapping[str, tuple[parts.Array, parts.Array]]:
+def read_expert(folder: Path) -> abc.Mapping[str, tuple[parts.Array, parts.Array]]:
     """Joint to its centre (3,), mm, and its z axis (3,) in the image, as the expert has them.
 
     From ``reference_joints.json``, or else from ``manual_model.osim``, whose bodies have the image's axes.
@@ -190,7 +190,7 @@ def read_expert(folder: Path) -> Mapping[str, tuple[parts.Array, parts.Array]]:
     return found
 
 
-def list_imaged(data: Path) -> dict[str, tuple[Path, Mapping[str, tuple[parts.Array, parts.Array]]]]:
+def list_imaged(data: Path) -> dict[str, tuple[Path, abc.Mapping[str, tuple[parts.Array, parts.Array]]]]:
     """Persons whose bones are there: the folder of the bones, and the expert's joints."""
     return {
         name: (data / where, read_expert(data / ("jia_mri" if name == "jia_mri" else where)))
@@ -204,30 +204,36 @@ def find_bone(folder: Path, slot: str) -> Path:
     return next(path for path in sorted(folder.glob(f"{slot}.*")) if path.suffix in SURFACES)
 
 
-FROM_MARKERS = parts.Task(
-    name="markers_mri",
-    title="A person with MRI, from markers alone",
-    truth="the right hip and knee as an expert fitted them to MRI bones; skin markers seen in the same image",
-    needs=("jia_mri/Static.c3d", "jia_mri/image_markers.csv"),
-    metrics=(
-        parts.Metric(key="hip", title="hip against the pelvis's markers, mm"),
-        parts.Metric(key="femur", title="femur's length, mm"),
-    ),
-    cases=make_marker_cases,
-)
+def describe_marker_task() -> parts.Task:
+    """Of a person from markers alone: what is asked and how it is judged."""
+    return parts.Task(
+        name="markers_mri",
+        title="A person with MRI, from markers alone",
+        truth="the right hip and knee as an expert fitted them to MRI bones; skin markers seen in the same "
+        "image",
+        needs=("jia_mri/Static.c3d", "jia_mri/image_markers.csv"),
+        metrics=(
+            parts.Metric(key="hip", title="hip against the pelvis's markers, mm"),
+            parts.Metric(key="femur", title="femur's length, mm"),
+        ),
+        cases=make_marker_cases,
+    )
 
-FROM_BONES = parts.Task(
-    name="images",
-    title="Joint centres from CT and MRI bones",
-    truth="an expert's sphere and cylinders on the same surfaces: agreement with a person, not anatomy; "
-    "of ankle_wbct, a cylinder fitted to the trochlea",
-    needs=("jia_mri/bones",),
-    metrics=(
-        parts.Metric(key="centres", title="centres, mm"),
-        parts.Metric(key="hip", title="hip, mm"),
-        parts.Metric(key="knee", title="knee, mm"),
-        parts.Metric(key="ankle", title="ankle, mm"),
-        parts.Metric(key="axis", title="knee axis, deg"),
-    ),
-    cases=make_bone_cases,
-)
+
+def describe_bone_task() -> parts.Task:
+    """Of bones: what is asked and how it is judged."""
+    return parts.Task(
+        name="images",
+        title="Joint centres from CT and MRI bones",
+        truth="an expert's sphere and cylinders on the same surfaces: agreement with a person, not anatomy; "
+        "of ankle_wbct, a cylinder fitted to the trochlea",
+        needs=("jia_mri/bones",),
+        metrics=(
+            parts.Metric(key="centres", title="centres, mm"),
+            parts.Metric(key="hip", title="hip, mm"),
+            parts.Metric(key="knee", title="knee, mm"),
+            parts.Metric(key="ankle", title="ankle, mm"),
+            parts.Metric(key="axis", title="knee axis, deg"),
+        ),
+        cases=make_bone_cases,
+    )

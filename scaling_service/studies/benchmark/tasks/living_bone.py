@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections import abc
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +21,7 @@ UNSOUND = ("knee_pins", "knee_pins_cutting", "knee_fluoroscopy")
 """Here bone frames or markers are not the same in all recordings; see the data's own notes."""
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """Every recording that is held out, of every sound set; the model is given and stays as it is."""
     cases = []
     for box in sorted(p.parent for p in (data / "living_bone").glob("*/subject.yaml")):
@@ -54,7 +54,7 @@ def track_by_opensim(model: Path, recording: Path, answer: Path, _run: parts.Run
     parts.ask_opensim("track", model, recording=recording, output=answer / f"{recording.stem}.mot")
 
 
-def judge_bones(box: Path, trial: str, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_bones(box: Path, trial: str, answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
     """Each bone's turn against the bone before it, and whether stated intervals hold the true angles."""
     true = read_bones(box / f"{trial}_bones.csv")
     traced = parts.trace_model(box / "model.osim", answer / f"{trial}.mot")
@@ -76,7 +76,9 @@ def read_bones(file: Path) -> dict[str, parts.Array]:
     return {b: values[:, head.index(f"{b}_r11") :][:, :9].reshape(-1, 3, 3) for b in bones}
 
 
-def measure_angle_error_deg(found: Mapping[str, parts.Array], true: Mapping[str, parts.Array]) -> float:
+def measure_angle_error_deg(
+    found: abc.Mapping[str, parts.Array], true: abc.Mapping[str, parts.Array]
+) -> float:
     """RMS angle between found and true turn of every bone against the bone before it."""
     errors = []
     for above, below in zip(true, list(true)[1:], strict=False):
@@ -87,7 +89,7 @@ def measure_angle_error_deg(found: Mapping[str, parts.Array], true: Mapping[str,
     return float(np.sqrt(np.nanmean(np.square(errors))))
 
 
-def measure_coverage(motion: Path, deviations: Path, true: Mapping[str, parts.Array]) -> float:
+def measure_coverage(motion: Path, deviations: Path, true: abc.Mapping[str, parts.Array]) -> float:
     """Share of frames and angles in which the 95 % interval holds the true angle; motions in degrees."""
     found, deviation = read_sto(motion), read_sto(deviations)
     hits = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +23,7 @@ METHOD = "MAP"
 INTERVAL = 1.96  # standard deviations on each side of a normal distribution's 95 % interval
 
 
-def make_cases(_data: Path, folder: Path, seed: int) -> Sequence[parts.Case]:
+def make_cases(_data: Path, folder: Path, seed: int) -> abc.Sequence[parts.Case]:
     """Persons of a seed: standing, functional movements, and a walk that is judged."""
     cases = []
     markers = load_builtin(_legs.GENERIC).marker_names
@@ -63,7 +63,7 @@ def make_cases(_data: Path, folder: Path, seed: int) -> Sequence[parts.Case]:
     return cases
 
 
-def judge_person(person: persons.Person, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_person(person: persons.Person, answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
     """Lengths between joints, where joints are in the walk, and its angles, against the person's own."""
     traced = parts.trace_model(answer / "model.osim", answer / "walk.mot")
     rows = parts.match_times(traced.times, person.trials["walk"][0])

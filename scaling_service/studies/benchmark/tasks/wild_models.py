@@ -8,7 +8,7 @@ program's model and motion can be held against are taken: ``motion_follows``, ``
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import abc
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ TRUTH = "truth.mot"
 CHECKS = ("motion_follows", "coordinates_are", "motion_is_steady", "distances_are")
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """All that ask for a motion, or for a scaled model."""
     cases = []
     for file in sorted((data / "wild" / "models").glob("*/case.json")):
@@ -48,7 +48,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     return cases
 
 
-def answer_by_ours(box: Path, words: Sequence[str], answer: Path, run: parts.Run) -> None:
+def answer_by_ours(box: Path, words: abc.Sequence[str], answer: Path, run: parts.Run) -> None:
     """As the case says it is run."""
     written = run([box / word if (box / word).exists() else word for word in words])
     if words[0] == "scale":
@@ -67,14 +67,14 @@ def answer_by_opensim(box: Path, scales: bool, answer: Path, _run: parts.Run) ->
 
 
 def judge_case(
-    box: Path, checks: Sequence[Mapping[str, Any]], answer: Path, _opensim: Path
-) -> Mapping[str, float]:
+    box: Path, checks: abc.Sequence[abc.Mapping[str, Any]], answer: Path, _opensim: Path
+) -> abc.Mapping[str, float]:
     """Right where every check holds."""
     scaled = (answer / "model.osim").is_file()
     return {"wrong": 0.0 if all(_holds(check, box, answer, scaled) for check in checks) else 100.0}
 
 
-def _holds(check: Mapping[str, Any], box: Path, answer: Path, scaled: bool) -> bool:
+def _holds(check: abc.Mapping[str, Any], box: Path, answer: Path, scaled: bool) -> bool:
     model = (
         answer / "model.osim" if check.get("model", "").startswith("OUT/") else box / check.get("model", "")
     )
@@ -85,7 +85,20 @@ def _holds(check: Mapping[str, Any], box: Path, answer: Path, scaled: bool) -> b
         return all(_is_apart(found, pair, check["within_mm"]) for pair in check["pairs"])
     found = parts.trace_model(model, answer / "motion.mot")
     if check["check"] == "motion_follows":
-        return _follows(found, box / check["recording"], check)
+        # Whether the motion brings the model's markers to the recorded ones
+        recording = box / check["recording"]
+        seen = read_trc(recording)
+        times = parts.match_times(found.times, seen.times)
+        both = [n for n in seen.labels if n in found.markers and n not in check.get("not", ())]
+        if not both:
+            raise parts.NoAnswer("the model has none of the recording's markers")
+        gaps = parts.MM * np.array(
+            [
+                np.linalg.norm(found.markers[n][times] - seen.markers[:, seen.labels.index(n)], axis=1)
+                for n in both
+            ]
+        )
+        return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
     if check["check"] == "motion_is_steady":
         turns = [v for n, v in found.coordinates.items() if n not in found.slides | set(check.get("not", ()))]
         return bool(np.degrees(max(np.abs(np.diff(v)).max() for v in turns)) <= check["at_most_deg"])
@@ -104,22 +117,9 @@ def _holds(check: Mapping[str, Any], box: Path, answer: Path, scaled: bool) -> b
     return True
 
 
-def _is_apart(found: parts.Traced, pair: Mapping[str, Any], within_mm: float) -> bool:
+def _is_apart(found: parts.Traced, pair: abc.Mapping[str, Any], within_mm: float) -> bool:
     distance = parts.MM * float(np.linalg.norm(found.joint(pair["from"])[0] - found.joint(pair["to"])[0]))
     return bool(abs(distance - pair["mm"]) <= within_mm)
-
-
-def _follows(found: parts.Traced, recording: Path, check: Mapping[str, Any]) -> bool:
-    """Whether the motion brings the model's markers to the recorded ones."""
-    seen = read_trc(recording)
-    rows = parts.match_times(found.times, seen.times)
-    both = [n for n in seen.labels if n in found.markers and n not in check.get("not", ())]
-    if not both:
-        raise parts.NoAnswer("the model has none of the recording's markers")
-    gaps = parts.MM * np.array(
-        [np.linalg.norm(found.markers[n][rows] - seen.markers[:, seen.labels.index(n)], axis=1) for n in both]
-    )
-    return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
 
 
 def describe_task() -> parts.Task:

@@ -6,7 +6,7 @@ The answer must stay what it is for the plain files, or, where no right answer e
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,7 @@ PLAIN = "plain"
 _FILES = {"static": "Static.c3d", "walking02": "Walking02.c3d"}
 
 
-def _move(trial: Trial, matrix: Sequence[Sequence[float]]) -> Trial:
+def _move(trial: Trial, matrix: abc.Sequence[abc.Sequence[float]]) -> Trial:
     return replace(trial, markers=trial.markers @ np.array(matrix, dtype=float).T)
 
 
@@ -50,7 +50,7 @@ def _rename(trial: Trial) -> Trial:
     return replace(trial, labels=tuple(own.get(label, label) for label in trial.labels))
 
 
-CHANGES: Mapping[str, tuple[Callable[[Trial], Trial], bool]] = {
+CHANGES: abc.Mapping[str, tuple[abc.Callable[[Trial], Trial], bool]] = {
     PLAIN: (lambda trial: trial, True),
     "z_up": (partial(_move, matrix=((1, 0, 0), (0, 0, -1), (0, 1, 0))), True),
     "turned": (partial(_move, matrix=((-1, 0, 0), (0, 1, 0), (0, 0, -1))), True),
@@ -76,7 +76,7 @@ def _miscount(text: str) -> str:
     return "\n".join([*lines[:2], "\t".join(counts), *lines[3:]]) + "\n"
 
 
-TEXTS: Mapping[str, Callable[[str], str]] = {
+TEXTS: abc.Mapping[str, abc.Callable[[str], str]] = {
     "crlf": lambda text: text.replace("\n", "\r\n"),
     "no_blank_line": lambda text: "\n".join(line for line in text.split("\n") if line.strip()) + "\n",
     "trailing_tabs": lambda text: "\n".join(f"{line}\t" if line else line for line in text.split("\n")),
@@ -86,7 +86,7 @@ TEXTS: Mapping[str, Callable[[str], str]] = {
 """How the plain files are written anew."""
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
     """Standing and walking of jia_mri, in every way; the scale tool's set-up and model stay the same."""
     trials = {name: images.take_markers(data / "jia_mri" / file) for name, file in _FILES.items()}
     cases = []
@@ -120,7 +120,7 @@ def answer_or_refuse(make: parts.Answer, answer: Path, run: parts.Run) -> None:
         (answer / "answer.json").write_text(json.dumps({"refused": str(reason)}), encoding="utf-8")
 
 
-def judge_way(answerable: bool, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_way(answerable: bool, answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
     """The same femora and the same angles as of the plain files; or a refusal."""
     if not (answer / "walking02.mot").is_file():
         if "refused" not in parts.read_answer(answer):

@@ -69,6 +69,7 @@ export interface AxisEntry {
 }
 
 export interface BatchRequest {
+  tables?: Array<"csv" | "parquet" | "bids">;
   subjects: Array<string>;
   groups?: Record<string, Record<string, string>>;
   methods?: Array<string> | null;
@@ -275,6 +276,7 @@ export interface ConsistentRequest {
   start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
 }
@@ -306,7 +308,7 @@ export interface CoordinateWord {
 }
 
 export interface Correction {
-  labels: Record<string, string>;
+  labels: Record<string, string | null>;
   from_s: number;
   to_s: number;
 }
@@ -384,6 +386,7 @@ export interface DiscoverRequest {
   start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
 }
@@ -452,6 +455,7 @@ export interface DynamicsRequest {
   free_mass?: boolean;
   sides_apart?: boolean;
   despite_verdict?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
 }
@@ -480,6 +484,13 @@ export interface EstimateDocument {
   trials: Array<string> | null;
   note: string;
   parameters: Record<string, QuantityDocument>;
+}
+
+export interface EventProof {
+  side: "r" | "l";
+  kind: "strike" | "off";
+  time_s: number;
+  source: "document" | "file" | "plates";
 }
 
 export interface EvidenceDocument {
@@ -589,6 +600,12 @@ export interface GaitEntry {
   held_out: boolean;
   reason: string;
   angles: Record<string, CycleEntry>;
+}
+
+export interface GaitEventEntry {
+  side: "r" | "l";
+  kind: "strike" | "off";
+  time_s: number;
 }
 
 export interface GaitScene {
@@ -728,6 +745,7 @@ export interface JointAnglesRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -773,6 +791,7 @@ export interface KinematicErrorRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -809,6 +828,7 @@ export interface LandmarksDocument {
 }
 
 export interface LandmarksRequest {
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   bones?: Record<string, string> | null;
   units?: "mm" | "cm" | "m" | "detect";
@@ -834,6 +854,7 @@ export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -974,6 +995,7 @@ export interface MotionRequest {
   up?: string | null;
   forward?: string | null;
   smooth_hz?: number | null;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   model?: string | null;
   recordings?: Array<string> | null;
@@ -1033,6 +1055,7 @@ export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am" | "MAP";
@@ -1218,6 +1241,7 @@ export interface RecordingProof {
   labels: Array<LabelEntry>;
   markers: ArrayEntry;
   plates: Array<PlateEntry>;
+  events: Array<EventProof>;
   forces_from: string | null;
   force: ArrayEntry | null;
   centre_of_pressure: ArrayEntry | null;
@@ -1295,6 +1319,7 @@ export interface ScalingRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -1350,6 +1375,7 @@ export interface SegmentLengthsRequest {
   muscle_points?: "scaled" | "surface";
   muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
+  tables?: Array<"csv" | "parquet" | "bids">;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -1424,6 +1450,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   mirrored?: Record<string, "x" | "y" | "z">;
+  events?: Record<string, Array<GaitEventEntry>>;
   bones?: Bones | null;
   bone_bodies?: Record<string, string>;
   image_markers?: string | null;
@@ -1443,6 +1470,19 @@ export interface SubjectEntry {
   strides: Record<string, number>;
   no_strides: Record<string, string>;
   wall_s: number;
+}
+
+export interface SubjectNote {
+  text: string;
+  signed_by?: string | null;
+  results?: Array<string>;
+}
+
+export interface SubjectNoteDocument {
+  text: string;
+  signed_by?: string | null;
+  results?: Array<string>;
+  updated_at: string | null;
 }
 
 export interface SubjectPage {

@@ -1,10 +1,8 @@
 /** Ranked bars, one for each name, with a mark on each such as its floor. */
 
 import { figures } from "../ui/words.ts";
-import { base, describe, nameAxis, valueAxis, type Drawing } from "./base.ts";
+import { base, describe, nameAxis, namesRoom, valueAxis, type Drawing } from "./base.ts";
 import type { Ink } from "./ink.ts";
-
-const LEFT = 110;
 
 export interface Bar {
   name: string;
@@ -19,10 +17,10 @@ export interface Bars {
   unit: string;
   /** What the marks are. */
   marks?: string;
-  left?: number;
 }
 
-export function drawBars(ink: Ink, { bars, axis, unit, marks, left = LEFT }: Bars): Drawing {
+export function drawBars(ink: Ink, { bars, axis, unit, marks }: Bars): Drawing {
+  const left = namesRoom(bars.map(({ name }) => name));
   const marked = bars.map(({ mark }) => mark ?? null);
   return {
     data: [

@@ -70,10 +70,18 @@ export function nameAxis(ink: Ink, names: readonly string[], width: number): Lay
 
 /** Width of a letter of 11 px on average, px. */
 const LETTER = 6.2;
+/** Chosen: names may take so much of a page; longer ones are cut. */
+const MOST_NAMES = 0.4;
+
+/** Room for names down the side, px. */
+export const namesRoom = (names: readonly string[], least = 84): number =>
+  Math.round(Math.min(Math.max(LETTER * Math.max(...names.map(({ length }) => length), 0) + 16, least), Math.max(MOST_NAMES * innerWidth, least), 330));
 
 function shortened(name: string, width: number): string {
   const most = Math.floor(width / LETTER);
-  return name.length > most ? `${name.slice(0, most - 1)}…` : name;
+  // Names of one cluster differ at their ends.
+  const end = Math.floor(most / 2);
+  return name.length > most ? `${name.slice(0, most - end - 1)}…${name.slice(-end)}` : name;
 }
 
 /** Text for plotly, which takes some HTML in titles and labels: shown as it is. */

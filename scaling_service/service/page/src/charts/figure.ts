@@ -2,6 +2,7 @@
 
 import type { Clicked } from "plotly.js-cartesian-dist-min";
 import { part } from "../api/connection.ts";
+import { note, parsed } from "../routes.ts";
 import { h } from "../ui/dom.ts";
 import { csv, save, saveText } from "../ui/save.ts";
 import { onTheme, theme } from "../ui/theme.ts";
@@ -12,7 +13,8 @@ type Engine = typeof import("./engine.ts");
 
 /** A place once it was drawn into. */
 interface PlotElement {
-  on: (event: "plotly_click", listener: (clicked: Clicked) => void) => void;
+  on: ((event: "plotly_click" | "plotly_hover", listener: (clicked: Clicked) => void) => void) &
+    ((event: "plotly_relayout", listener: (changed: Record<string, unknown>) => void) => void);
 }
 
 export type Row = (string | number | null | undefined)[];
@@ -31,6 +33,8 @@ export interface FigureOptions {
   zoom?: boolean;
   /** What a click at a place of a drawing in rows and columns does. */
   clicked?: (row: number, column: number) => void;
+  /** What pointing at such a place does. */
+  pointed?: (row: number, column: number) => void;
 }
 
 export interface Drawn {
@@ -44,12 +48,26 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   const plot = h("div", { class: "plot", role: "img", "aria-label": options.alt });
   plot.style.height = `${options.height}px`;
   let engine: Engine | null = null;
+  let stretch = options.zoom === true ? stretchOf(options.name) : null;
   let large = false;
 
-  const present = (): Drawing => (large ? zoomed(options.drawing(inkOf(theme()))) : options.drawing(inkOf(theme())));
+  const present = (): Drawing => (large ? zoomed(options.drawing(inkOf(theme())), stretch) : options.drawing(inkOf(theme())));
+  /** Keep the stretch in the address, so that it can be sent. */
+  const keep = (changed: Record<string, unknown>): void => {
+    const whole = changed["xaxis.range"] as unknown[] | undefined; // by the slider; a drag tells its ends apart
+    const [low, high] = whole ?? [changed["xaxis.range[0]"], changed["xaxis.range[1]"]];
+    if (typeof low === "number" && typeof high === "number") stretch = [low, high];
+    else if (changed["xaxis.autorange"] === true) stretch = null;
+    else return;
+    note({ zoom: stretch === null ? null : [options.name, ...stretch.map((one) => one.toPrecision(5))].join(SEPARATOR) });
+  };
   const redraw = (): void => void engine?.draw(plot, present());
   const enlarge = (): void => {
     large = !large;
+    if (!large && stretch !== null) {
+      stretch = null;
+      note({ zoom: null });
+    }
     element.classList.toggle("large", large);
     larger.setAttribute("aria-pressed", String(large));
     plot.style.height = `${large ? 2 * options.height : options.height}px`;
@@ -63,7 +81,9 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
     engine = found;
     await found.draw(plot, present());
     if (signal.aborted) return found.purge(plot);
-    listen(plot, options.clicked);
+    if (options.zoom === true) (plot as unknown as PlotElement).on("plotly_relayout", (changed) => large && keep(changed));
+    listen(plot, "plotly_click", options.clicked);
+    listen(plot, "plotly_hover", options.pointed);
     onTheme(redraw, signal);
     const resizing = new ResizeObserver(() => found.resize(plot));
     resizing.observe(plot);
@@ -80,6 +100,7 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
     plot,
     options.note !== undefined && h("p", { class: "note" }, options.note),
   );
+  if (stretch !== null) enlarge();
   return { element, redraw };
 }
 
@@ -118,19 +139,30 @@ function next(): void {
 }
 
 /** With a slider for the stretch of x that is shown; a drag across the drawing does the same, a double click undoes it. */
-const zoomed = ({ data, layout }: Drawing): Drawing => ({
+const zoomed = ({ data, layout }: Drawing, range: Stretch | null): Drawing => ({
   data,
   layout: {
     ...layout,
     dragmode: "zoom",
-    xaxis: { ...(layout["xaxis"] as object), fixedrange: false, rangeslider: { thickness: 0.12 } },
+    xaxis: { ...(layout["xaxis"] as object), fixedrange: false, rangeslider: { thickness: 0.12 }, ...(range === null ? {} : { range }) },
   },
 });
 
-function listen(plot: HTMLElement, clicked: FigureOptions["clicked"]): void {
-  (plot as unknown as PlotElement).on("plotly_click", ({ points }) => {
+type Stretch = [number, number];
+
+const SEPARATOR = "~";
+
+/** The stretch of a figure's x axis that the address names: `zoom=NAME~FROM~TO`. */
+function stretchOf(name: string): Stretch | null {
+  const [figure, from, to] = (parsed(location.hash).query.get("zoom") ?? "").split(SEPARATOR);
+  const [low, high] = [Number(from), Number(to)];
+  return figure === name && low < high ? [low, high] : null;
+}
+
+function listen(plot: HTMLElement, event: "plotly_click" | "plotly_hover", told: FigureOptions["clicked"]): void {
+  (plot as unknown as PlotElement).on(event, ({ points }) => {
     const [row, column] = [points[0]?.pointNumber ?? []].flat();
-    if (row !== undefined && column !== undefined) clicked?.(row, column);
+    if (row !== undefined && column !== undefined) told?.(row, column);
   });
 }
 

@@ -1,7 +1,7 @@
 /** A heat map: names against time, darkest where most. */
 
 import { number } from "../ui/words.ts";
-import { base, describe, nameAxis, plain, valueAxis, type Drawing, type Layout } from "./base.ts";
+import { base, describe, nameAxis, namesRoom, plain, valueAxis, type Drawing, type Layout } from "./base.ts";
 import type { Ink } from "./ink.ts";
 
 export interface Heat {
@@ -17,7 +17,7 @@ export interface Heat {
 }
 
 /** Room beside the drawing, px. */
-export const HEAT_SIDES = { left: 84, right: 76 };
+export const heatSides = (names: readonly string[]): { left: number; right: number } => ({ left: namesRoom(names), right: 76 });
 export const HEAT_ABOVE = 6;
 export const HEAT_BELOW = 38;
 
@@ -25,6 +25,7 @@ export function drawHeat(ink: Ink, heat: Heat): Drawing {
   const { names, span, times, top, unit } = heat;
   const [start, end] = span;
   const width = (end - start) / times.length;
+  const sides = heatSides(names);
   const rows = names.map((_, row) => Array.from(times, (_time, column) => heat.values[column * names.length + row] ?? NaN));
   return {
     data: [{
@@ -43,9 +44,9 @@ export function drawHeat(ink: Ink, heat: Heat): Drawing {
       hoverongaps: false,
     }],
     layout: {
-      ...base(ink, { ...HEAT_SIDES, top: HEAT_ABOVE, bottom: HEAT_BELOW }),
+      ...base(ink, { ...sides, top: HEAT_ABOVE, bottom: HEAT_BELOW }),
       xaxis: valueAxis(ink, { name: "time, s", range: [start, end] }, "x"),
-      yaxis: nameAxis(ink, names, HEAT_SIDES.left - 10),
+      yaxis: nameAxis(ink, names, sides.left - 10),
       ...scale(ink, `≥ ${number(top, 0)} ${unit}`),
     },
   };

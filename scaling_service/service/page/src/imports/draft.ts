@@ -1,6 +1,6 @@
 /** A subject's document while it is corrected: what each file is for, who it is, which label is which marker. */
 
-import type { Bones, Correction, SubjectDocument } from "../api/schema.ts";
+import type { Bones, Correction, GaitEventEntry, SubjectDocument } from "../api/schema.ts";
 
 /** What a file is for, as the proof names it, such as `calibration` or `bones.femur_r`. */
 export type Role = string;
@@ -87,6 +87,13 @@ export class Draft {
     this.change();
   }
 
+  /** Events of gait of a recording, in place of what is found; null: what is found. */
+  events(file: string, all: GaitEventEntry[] | null): void {
+    const { [file]: _, ...others } = this.document.events ?? {};
+    this.document.events = all === null ? others : { ...others, [file]: all };
+    this.change();
+  }
+
   /** The document as it is to be given to the service. */
   finished(): SubjectDocument {
     const with_ = (role: Role): string[] => [...this.roles].filter(([, roles]) => roles.has(role)).map(([file]) => file);
@@ -106,6 +113,7 @@ export class Draft {
       forces: below("forces"),
       corrections: this.document.corrections,
       mirrored: this.document.mirrored,
+      events: this.document.events,
       bones: Object.keys(bones).length === 0 ? undefined : { units: before?.units ?? "mm", ...bones },
       image_markers: with_("image_markers")[0],
       sizes: this.document.sizes,

@@ -50,20 +50,21 @@ export class MarkerMap {
     this.draw();
   }
 
-  /** A marker was clicked in space: it is taken for the one that waits, or its row is shown. */
-  clicked(label: string | null): void {
-    if (label === null) return;
+  /** A marker was clicked in space: it is taken for the one that waits, or its row is shown; whether none waited. */
+  clicked(label: string | null): boolean {
+    if (label === null) return true;
     if (this.waiting !== null) {
       this.draft.marker(this.waiting, label);
       const taken = this.waiting;
       this.waiting = null;
       this.draw();
       this.status.textContent = `${label} is taken for ${taken}.`;
-      return;
+      return false;
     }
     const found = this.proof.markers.find(({ marker }) => this.labelOf(marker) === label);
     this.status.textContent = found === undefined ? `${label} is no marker of the model.` : `${label} is ${found.marker}.`;
     this.element.querySelector(`[data-label="${CSS.escape(label)}"]`)?.scrollIntoView({ block: "nearest" });
+    return true;
   }
 
   /** Label to the model's marker and segment, as proposed. */

@@ -18,7 +18,7 @@ export function personForm(draft: Draft, { models }: Vocabulary): HTMLElement {
     select("sex", SEXES, subject.sex ?? "", (sex) => draft.person({ sex: sex === "F" || sex === "M" ? sex : undefined } as Partial<typeof subject>)),
     quantity("height", "height, m", subject.height_m, { min: "0.3", max: "2.8", step: "0.001" }, (height_m) => draft.person({ height_m } as Partial<typeof subject>)),
     quantity("mass", "mass, kg", subject.mass_kg, { min: "1", max: "400", step: "0.1" }, (mass_kg) => draft.person({ mass_kg } as Partial<typeof subject>)),
-    bones &&
+    bones && !bones.segmentation && // a label map's header says how large its voxels are
       select("bones are in", ["mm", "m"].map((value) => ({ value, text: value })), bones.units ?? "mm", (unit) => draft.units(unit === "m" ? "m" : "mm")),
   );
 }

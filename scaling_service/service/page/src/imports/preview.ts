@@ -51,6 +51,16 @@ export class Preview {
     }
   }
 
+  /** Show a time, s. */
+  go(time_s: number): void {
+    this.player.step(Math.round((time_s - this.recording.start_s) * this.recording.rate_hz) - this.player.frame);
+  }
+
+  /** The time that is shown, s. */
+  get now(): number {
+    return this.recording.start_s + this.player.frame / this.recording.rate_hz;
+  }
+
   mark(label: string): void {
     this.theatre?.pick(label);
   }

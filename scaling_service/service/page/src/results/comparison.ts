@@ -12,7 +12,7 @@ export const comparison: ResultView = async (found) => compared(await getResult<
 
 export async function compared(document: ComparisonDocument, found: Finished): Promise<void> {
   const played: Part[] = [
-    { name: "space", title: "In space", handled: true, show: async (place) => (await part(() => import("./space.ts"))).space(found, place, preferred(document)) },
+    { name: "space", title: "In space", handled: true, show: async (place) => (await part(() => import("./space.ts"))).space(found, place, document.markers_used, preferred(document)) },
     { name: "angles", title: "Angles", show: async (place) => (await part(() => import("./angles.ts"))).angles(document, found, place) },
   ];
   const [space, angles] = found.scene === false ? [[], []] : played.map((one) => [one]);

@@ -6,7 +6,7 @@ import { vocabulary } from "../api/vocabulary.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h, vary } from "../ui/dom.ts";
-import { few, figures, percent, words } from "../ui/words.ts";
+import { few, figures, percent, spoken, words } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { unseen } from "./unseen.ts";
 import { what } from "./what.ts";
@@ -23,14 +23,14 @@ export const discovery: ResultView = async (found) => {
   await parts("Steps of the story", found, [
     { name: "where", title: "1. Where", show: (place) => where(document, found.signal, place) },
     { name: "what", title: "2. What", show: (place) => what(document, found.signal, place) },
-    { name: "space", title: "3. With and without", handled: true, show: (place) => withAndWithout(found, place) },
+    { name: "space", title: "3. With and without", handled: true, show: (place) => withAndWithout(found, document.markers_used, place) },
     { name: "unseen", title: "4. On unseen data", show: (place) => unseen(document, found.signal, place) },
   ]);
 };
 
-async function withAndWithout(found: Finished, place: HTMLElement): Promise<void> {
+async function withAndWithout(found: Finished, used: Record<string, string[]>, place: HTMLElement): Promise<void> {
   place.append(h("p", null, "The model as given, and with what was named, in the same recording. The maps show what is left over, without and with it, in the same colours."));
-  await (await part(() => import("./space.ts"))).space(found, place, ["with what was named", "as given"], true);
+  await (await part(() => import("./space.ts"))).space(found, place, used, ["with what was named", "as given"], true);
 }
 
 /** The service knows its example by the same: its name, and that it brings markers on images. */
@@ -42,14 +42,14 @@ const cautionsOf = ({ effects }: DiscoveryDocument): string[] =>
   effects.flatMap(({ belief }) => belief?.cautions ?? []);
 
 const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
-  callout(document.headline, document.tone ?? "plain", ...more);
+  callout(spoken(document.headline), document.tone ?? "plain", ...more);
 
 /** All that was found; steps after the first show only the summary above their own pictures. */
 function verdict(document: DiscoveryDocument, hidden: readonly string[], inReport: boolean): HTMLElement[] {
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const cautions = cautionsOf(document);
-  const left = few(unexplained.flatMap((one) => one.where));
+  const left = few(unexplained.flatMap((one) => one.where.map(words)));
   return [
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
@@ -57,18 +57,18 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
       told(effects.slice(0, MOST), 1),
       effects.length > MOST && folded(`${effects.length - MOST} more`, told(effects.slice(MOST), MOST + 1)),
       left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
-      law !== undefined && h("p", null, `Described best: ${law}.`),
+      law !== undefined && h("p", null, `Described best: ${spoken(law)}.`),
     ),
-    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions)) : h("span"),
+    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions.map(spoken))) : h("span"),
     hidden.length > 0 ? folded("What had been hidden in this virtual person", bullets(hidden)) : h("span"),
     bones(document),
-    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
+    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes.map(spoken))) : h("span"),
   ];
 }
 
 /** A line for each effect, counted from a number on. */
-const told = (effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
-  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
+export const told = (effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
+  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, spoken(name), share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
 
 /** How much of what did not fit an effect it takes off, as a bar. */
 function share(gain: number | null): HTMLElement | false {

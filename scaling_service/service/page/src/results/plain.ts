@@ -10,7 +10,7 @@ const DEEP = 1;
 
 export const plain: ResultView = async (found) => {
   const files = await listFiles(found.job.id);
-  const inSpace = { name: "space", title: "In space", handled: true, show: async (place: HTMLElement) => (await part(() => import("./space.ts"))).space(found, place) };
+  const inSpace = { name: "space", title: "In space", handled: true, show: async (place: HTMLElement) => (await part(() => import("./space.ts"))).space(found, place, {}) };
   await parts("Parts of the result", found, [
     {
       name: "numbers",

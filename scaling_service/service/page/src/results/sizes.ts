@@ -59,7 +59,7 @@ function lengths(methods: MethodResult[], reference: Record<string, number>, nam
   });
 }
 
-const lengthInterval = (method: MethodResult, segment: string): number | null =>
+export const lengthInterval = (method: MethodResult, segment: string): number | null =>
   method.length_estimates?.[segment] !== undefined ? NORMAL_95 * method.length_estimates[segment].sd_mm :
   scaledInterval(method, segment === "inter_hip" ? "pelvis" : segment.replace("shank", "tibia"), method.segment_lengths_mm[segment]);
 

@@ -2,12 +2,14 @@
 
 import { filePath, listFiles } from "../api/jobs.ts";
 import { currentKey } from "../api/key.ts";
-import { ROUTES, type FileEntry } from "../api/schema.ts";
-import { h } from "../ui/dom.ts";
+import { send, sendJson } from "../api/http.ts";
+import { ROUTES, type FileEntry, type Link } from "../api/schema.ts";
+import { select } from "../ui/choice.ts";
+import { fill, h } from "../ui/dom.ts";
 import { guarded } from "../ui/problem.ts";
 import { download, open } from "../ui/save.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
-import { size } from "../ui/words.ts";
+import { moment, plural, size } from "../ui/words.ts";
 import type { Finished } from "./result.ts";
 import { reuse } from "./reuse.ts";
 
@@ -32,6 +34,7 @@ export async function takeAway(found: Finished, place: HTMLElement): Promise<voi
         ? h("a", { class: "button", href: `/v1/jobs/${job.id}`, target: "_blank", rel: "noopener" }, "The same in the API")
         : h("code", null, `GET ${location.origin}/v1/jobs/${job.id}`),
     ),
+    report === undefined ? "" : sharing(filePath(job.id, report.name), failed),
     ...[reuse(found, files)].filter((section) => section !== null),
     ...commands(job.kind, request),
     table({
@@ -43,6 +46,29 @@ export async function takeAway(found: Finished, place: HTMLElement): Promise<voi
       note: "How the result was made (inputs, settings, code, machine) stands in origin: /v1/jobs/ID/origin.",
     }),
   );
+}
+
+const DAY_S = 86_400;
+const LIFETIMES = [1, 7, 30].map((days) => ({ value: String(days * DAY_S), text: plural(days, "day") }));
+
+/** A link to the report that works without a key until it ends, for a colleague who only reads. */
+function sharing(path: string, failed: HTMLElement): HTMLElement {
+  let lifetime_s = 7 * DAY_S;
+  const made = h("p", { role: "status" });
+  const make = async (): Promise<void> => {
+    const link = await sendJson<Link>("/v1/links", { path, lifetime_s });
+    const address = new URL(link.path, location.origin).href;
+    fill(made, h("code", null, address), " ", h("button", { class: "small", onclick: () => void navigator.clipboard.writeText(address) }, "Copy"), h("span", { class: "quiet" }, ` until ${moment(link.until)}`));
+  };
+  const end = async (): Promise<void> => {
+    await send("/v1/links", { method: "DELETE" });
+    fill(made, "No link that you made opens anything any more.");
+  };
+  return h("section", null, h("h2", null, "For a colleague"),
+    h("p", null, "A link to the report, to be read only. Whoever has it needs no key until it ends."),
+    h("div", { class: "actions" }, select("works for", LIFETIMES, String(lifetime_s), (value) => void (lifetime_s = Number(value))),
+      h("button", { onclick: () => void guarded(failed, make) }, "Make a link"), h("button", { class: "small", onclick: () => void guarded(failed, end) }, "End all links")),
+    made);
 }
 
 function row(job: string, { name, size: bytes, sha256 }: FileEntry, failed: HTMLElement): Cell[] {

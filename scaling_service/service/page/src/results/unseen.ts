@@ -37,7 +37,7 @@ function drawn(title: string, unit: string, level: LevelDocument, signal: AbortS
     name: `gap_${title.replaceAll(" ", "_")}`,
     alt: bars.map(({ name, value }) => `${name} ${figures(value)}`).join(", "),
     height: barsHeight(bars.length),
-    drawing: (ink) => drawBars(ink, { bars, axis: `RMS, ${unit}`, unit, left: 110 }),
+    drawing: (ink) => drawBars(ink, { bars, axis: `RMS, ${unit}`, unit }),
     rows: () => [["level", `rms_${unit}`], ...bars.map(({ name, value }) => [name, value])],
   }, signal).element;
 }

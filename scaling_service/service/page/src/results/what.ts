@@ -8,7 +8,7 @@ import { h } from "../ui/dom.ts";
 import { AFTER, TRIED } from "../ui/palette.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { figures, plural, words } from "../ui/words.ts";
+import { figures, plural, spoken, withUnit, words } from "../ui/words.ts";
 
 const MOST_TRIED = 10;
 const NORMAL_95 = 1.96;
@@ -25,11 +25,11 @@ export function what(document: DiscoveryDocument, signal: AbortSignal, place: HT
 function chapter(effect: EffectDocument): HTMLElement[] {
   const alike = effect.confusable_with;
   return [
-    h("p", null, `${sentence(effect.name)} ${effect.evidence.summary}`),
-    h("p", null, effect.belief == null ? "" : `How sure: ${effect.belief.summary}.`),
+    h("p", null, spoken(`${sentence(effect.name)} ${effect.evidence.summary}`)),
+    h("p", null, effect.belief == null ? "" : spoken(`How sure: ${effect.belief.summary}.`)),
     numbers(effect),
     alike.length > 0
-      ? h("div", null, effect.would_separate !== null && h("p", null, h("b", null, "To record next: "), `${effect.would_separate}. It would tell this from what looks the same here.`),
+      ? h("div", null, effect.would_separate !== null && h("p", null, h("b", null, "To record next: "), `${spoken(effect.would_separate)}. It would tell this from what looks the same here.`),
           folded(`These recordings do not tell it from ${plural(alike.length, "other")}`, bullets(alike.map(placed))))
       : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
   ];
@@ -41,13 +41,13 @@ function numbers(effect: EffectDocument): HTMLElement {
     name: "effect",
     columns: ["number", "value", "95 % interval", "met", "named from"].map((title) => ({ title })),
     rows: Object.entries(effect.parameters).map(([name, quantity]) => [
-      cell(name),
+      cell(withUnit(name)),
       cell(valueOf(quantity), undefined, doubtful(quantity) ? "fair" : undefined),
       cell(interval(quantity)),
       cell(quantity.usual == null ? "–" : quantity.usual.map((end) => figures(end)).join(" to ")),
       cell(figures(effect.smallest_nameable[name]), effect.smallest_nameable[name] ?? null),
     ]),
-    note: "The unit is in the name. True minus modelled, or measured over true for a factor. Met: in laboratories. Named from: the size that is named nine times in ten.",
+    note: "True minus modelled, or measured over true for a factor. Met: in laboratories. Named from: the size that is named nine times in ten.",
   });
 }
 
@@ -73,21 +73,18 @@ function candidates({ effects, tried }: DiscoveryDocument, signal: AbortSignal):
     name: "candidates",
     alt: `Bars of ${bars.length} candidates; named: ${named.map(({ name, value }) => `${name} ${figures(value)} %`).join(", ") || "none"}.`,
     height: barsHeight(bars.length),
-    drawing: (ink) => drawBars(ink, { bars, axis: "share taken off what did not fit it, %", unit: "%", left: namesWidth() }),
+    drawing: (ink) => drawBars(ink, { bars, axis: "share taken off what did not fit it, %", unit: "%" }),
     rows: () => [["candidate", "gain_percent", "named"], ...[...named, ...others].map((one, k) => [one.name, one.value, k < named.length ? 1 : 0])],
     note: "Each is judged when it was tried: later ones on what earlier ones left.",
   }, signal).element;
 }
-
-/** Names of effects are long; on a narrow page they are cut, and the table of the CSV has them whole. */
-const namesWidth = (): number => Math.min(330, 0.4 * innerWidth);
 
 function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
   return table({
     caption: "Beyond what is ordinary, and like no effect that is known",
     name: "unexplained",
     columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "ordinary" }],
-    rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
+    rows: all.map((one) => [cell(one.where.map(words).join(", ")), cell(spoken(one.law)), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
 }
 
@@ -98,7 +95,7 @@ function estimates({ estimates: all }: DiscoveryDocument): HTMLElement {
     caption: "True minus modelled, were only this unlike the model",
     name: "estimates",
     columns: [{ title: "where" }, { title: "number" }, { title: "value" }, { title: "95 % interval" }],
-    rows: told.map(({ one, name, quantity }) => [cell(placed(one)), cell(name), cell(valueOf(quantity)), cell(interval(quantity))]),
+    rows: told.map(({ one, name, quantity }) => [cell(placed(one)), cell(withUnit(name)), cell(valueOf(quantity)), cell(interval(quantity))]),
     filter: true,
     note: "Deviations hold what is ordinary of all else. Numbers of which recordings tell less than half are left out.",
   }));

@@ -1,7 +1,7 @@
 /** Marker × time of the error of one model in one recording; a click goes to that frame. */
 
 import type { SceneTrial } from "../api/schema.ts";
-import { darkest, drawHeat, HEAT_ABOVE, HEAT_BELOW, HEAT_SIDES, heatHeight, type Heat } from "../charts/heat.ts";
+import { darkest, drawHeat, HEAT_ABOVE, HEAT_BELOW, heatHeight, heatSides, type Heat } from "../charts/heat.ts";
 import { figure } from "../charts/figure.ts";
 import { h, vary } from "../ui/dom.ts";
 import { number } from "../ui/words.ts";
@@ -16,6 +16,8 @@ export interface ErrorMap {
   element: HTMLElement;
   /** What is drawn darkest, mm. */
   top: number;
+  /** RMS of each marker over all frames in which it is seen, mm. */
+  rms: readonly number[];
   /** Move the cursor. */
   at: (frame: number) => void;
 }
@@ -26,11 +28,12 @@ export async function errorMap(
   path: (file: string) => string,
   signal: AbortSignal,
   go: (frame: number, marker: string) => void,
+  point: (frame: number, marker: string) => void,
   /** What is drawn darkest, mm, where maps are to be compared. */
   top?: number,
 ): Promise<ErrorMap> {
   const motion = trial.motions[method];
-  if (motion === undefined) return { element: h("p", { class: "quiet" }, `${method} did not follow ${trial.name}.`), top: 0, at: () => undefined };
+  if (motion === undefined) return { element: h("p", { class: "quiet" }, `${method} did not follow ${trial.name}.`), top: 0, rms: [], at: () => undefined };
   const { values, step } = await new Frames(motion.errors, path, signal, () => undefined).whole();
   const own = binned(trial, values, step);
   const heat = top === undefined ? own : { ...own, top };
@@ -43,8 +46,9 @@ export async function errorMap(
     height: heatHeight(heat.names.length),
     drawing: (ink) => drawHeat(ink, heat),
     rows: () => rowsOf(heat),
-    note: `A click shows the marker at that time. Empty: not seen. The strongest colour stands for ${number(heat.top, 0)} mm and more, up to ${number(most?.value)} mm.`,
+    note: `The picture above shows the marker and the time that is pointed at; a click keeps them. Empty: not seen. The strongest colour stands for ${number(heat.top, 0)} mm and more, up to ${number(most?.value)} mm.`,
     clicked: (row, column) => go(heat.frames[column * heat.names.length + row] ?? 0, heat.names[row] ?? ""),
+    pointed: (row, column) => point(heat.frames[column * heat.names.length + row] ?? 0, heat.names[row] ?? ""),
   }, signal);
   const cursor = h("div", { class: "cursor", "aria-hidden": "true" });
   vary(cursor, { "--high": `${heatHeight(heat.names.length) - HEAT_ABOVE - HEAT_BELOW}px` });
@@ -54,12 +58,26 @@ export async function errorMap(
     h("button", { class: "small", onclick: () => go(frame, name) }, `${name} ${number(value)} mm at ${number(time, 2)} s`));
   return {
     top: heat.top,
+    rms: trial.labels.map((_, k) => rmsOf(values, k, trial.labels.length)),
     element: h("div", null, h("div", { class: "actions" }, h("span", { class: "quiet" }, "Worst:"), ...moments), drawn.element),
     at: (frame) => {
-      const width = (plot?.clientWidth ?? 0) - HEAT_SIDES.left - HEAT_SIDES.right;
-      cursor.style.transform = `translateX(${HEAT_SIDES.left + (width * frame) / Math.max(trial.frames - 1, 1)}px)`;
+      const { left, right } = heatSides(heat.names);
+      const width = (plot?.clientWidth ?? 0) - left - right;
+      cursor.style.transform = `translateX(${left + (width * frame) / Math.max(trial.frames - 1, 1)}px)`;
     },
   };
+}
+
+/** RMS of every `width`-th value from `first` on, of those that are known. */
+function rmsOf(values: Float32Array, first: number, width: number): number {
+  let [sum, count] = [0, 0];
+  for (let k = first; k < values.length; k += width) {
+    const value = values[k] ?? NaN;
+    if (Number.isNaN(value)) continue;
+    sum += value ** 2;
+    count += 1;
+  }
+  return Math.sqrt(sum / count);
 }
 
 interface Binned extends Heat {

@@ -10,7 +10,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded, problemBox } from "../ui/problem.ts";
 import { save } from "../ui/save.ts";
-import { chipOf } from "../ui/table.ts";
+import { cell, chipOf, table } from "../ui/table.ts";
 import { number, words } from "../ui/words.ts";
 import { Frames } from "./frames.ts";
 import { errorMap, type ErrorMap } from "./heatmap.ts";
@@ -23,6 +23,8 @@ export interface PlaybackOptions {
   shown: readonly string[];
   frame: number;
   signal: AbortSignal;
+  /** What puts a marker right, given the time that is shown; nothing where nothing can be asked for. */
+  mend?: ((marker: string, now: () => number) => HTMLElement | null) | undefined;
   /** Whether the maps of all bodies stand below each other in the same colours, the first body's. */
   together?: boolean;
 }
@@ -51,6 +53,14 @@ function farthest(labels: readonly string[], errors: Float32Array | null): strin
   return found;
 }
 
+/** Scroll a row into what is seen of its table, and nothing else. */
+function show(row: HTMLElement | null): void {
+  const seen = row?.closest(".table");
+  if (row === null || seen == null || row.matches(":hover")) return;
+  const hidden = row.offsetTop < seen.scrollTop + row.offsetHeight || row.offsetTop + row.offsetHeight > seen.scrollTop + seen.clientHeight;
+  if (hidden) seen.scrollTop = row.offsetTop - seen.clientHeight / 2;
+}
+
 export class Playback {
   readonly element = h("div", { class: "playback" });
   private readonly player: Player;
@@ -59,12 +69,17 @@ export class Playback {
   private readonly passing = h("p", { class: "status" });
   private readonly apart = h("p", { class: "quiet" });
   private readonly map = h("div");
+  private readonly list = h("div");
+  private readonly mend = h("div");
   private readonly failed = h("div");
   private theatre: Theatre | null = null;
   private cursors: ErrorMap[] = [];
   private errors: Frames | null = null;
   private method: string;
+  /** The marker that was clicked, and the one that is pointed at. */
   private marker: string | null = null;
+  private pointed: string | null = null;
+  private rows = new Map<string, { head: HTMLElement; now: HTMLElement }>();
 
   constructor(private readonly options: PlaybackOptions) {
     const { trial, shown, signal } = options;
@@ -89,18 +104,19 @@ export class Playback {
     const { theatre } = this;
     if (theatre !== null) {
       theatre.picked = (label) => this.choose(label);
+      theatre.pointed = (label) => this.point(label);
       theatre.compared = (names, differences) => {
         const told = differences.map(({ name, mm }) => `${words(name)} ${number(mm, 0)} mm`).join("; ");
         this.apart.textContent = differences.length === 0 ? "" : `Joint centres of ${names.map(quoted).join(" and ")} apart, lit from ${FAR_MM} mm on: ${told}`;
       };
       const controls = h("div", { class: "controls" });
-      this.element.append(controls, theatre.stage.element, this.player.element, this.status, this.passing, this.apart);
+      this.element.append(controls, h("div", { class: "watched" }, theatre.stage.element, this.list), this.player.element, this.status, this.passing, this.mend, this.apart);
       this.element.addEventListener("keydown", (event) => this.key(event));
       await theatre.begin(shown.filter((name) => name in trial.motions), frame);
       fill(controls, ...this.choices(theatre, bodies.map(({ entry }) => entry.name)));
     }
     this.player.go(frame);
-    this.element.append(this.options.together === true ? "" : this.mapChoice(), this.map);
+    this.element.append(this.options.together === true ? "" : this.mapChoice(), this.map, theatre === null ? this.list : "");
     await this.draw();
   }
 
@@ -109,26 +125,41 @@ export class Playback {
     for (const map of this.cursors) map.at(frame);
     this.tell(frame);
     clearTimeout(this.noting);
-    this.noting = window.setTimeout(() => note({ trial: this.options.trial.name, frame: String(frame) }), 400);
+    this.noting = window.setTimeout(() => {
+      if (!this.options.signal.aborted) note({ trial: this.options.trial.name, frame: String(frame) });
+    }, 400);
   }
 
   private noting = 0;
 
   private choose(marker: string | null): void {
     this.marker = marker;
+    fill(this.mend, marker !== null && this.options.mend?.(marker, () => this.player.time));
     this.tell(this.player.frame);
   }
 
-  /** What is known of the chosen marker at a frame; unless one is chosen, of the farthest, which is lit. */
+  /** Light a marker while something points at it, be it in the picture, in the map or in the table. */
+  private point(marker: string | null, frame?: number): void {
+    this.pointed = marker;
+    if (frame === undefined || !this.player.look(frame)) this.tell(this.player.frame);
+  }
+
+  /** What is known of the marker that is pointed at or chosen, else of the farthest, which is lit. */
   private tell(frame: number): void {
     const errors = this.errors?.at(frame) ?? null;
     const { labels } = this.options.trial;
-    const marker = this.marker ?? farthest(labels, errors);
+    const marker = this.pointed ?? this.marker ?? farthest(labels, errors);
     this.theatre?.pick(marker);
+    this.rows.forEach(({ head, now }, label) => {
+      now.textContent = number(errors?.[labels.indexOf(label)]);
+      const row = head.closest("tr");
+      row?.classList.toggle("lit", label === marker);
+      if (label === marker && this.marker === null) show(row);
+    });
     const error = marker === null ? undefined : errors?.[labels.indexOf(marker)];
     const away = error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${quoted(this.method)}`;
-    this.status.textContent = this.marker === null ? "" : `${marker}: ${away}`;
-    this.passing.textContent = this.marker === null && marker !== null ? `Farthest now: ${marker}, ${away}` : "";
+    this.status.textContent = this.marker === null || marker !== this.marker ? "" : `${marker}: ${away}`;
+    this.passing.textContent = marker === null || marker === this.marker ? "" : `${marker === this.pointed ? "Pointed at" : "Farthest now"}: ${marker}, ${away}`;
   }
 
   private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {
@@ -191,14 +222,41 @@ export class Playback {
         this.player.step(frame - this.player.frame);
       };
       const maps: ErrorMap[] = [];
-      for (const method of this.options.together === true ? Object.keys(trial.motions) : [this.method]) maps.push(await errorMap(trial, method, path, signal, go, maps[0]?.top));
+      for (const method of this.options.together === true ? Object.keys(trial.motions) : [this.method]) maps.push(await errorMap(trial, method, path, signal, go, (frame, marker) => this.point(marker, frame), maps[0]?.top));
       this.cursors = maps;
       const motion = trial.motions[this.method];
       this.errors = motion === undefined ? null : new Frames(motion.errors, path, signal, () => this.tell(this.player.frame));
       await this.errors?.begin();
       this.tell(this.player.frame);
       fill(this.map, ...maps.map(({ element }) => element));
+      fill(this.list, this.markerTable(maps[0]?.rms ?? [], go));
+      this.tell(this.player.frame);
       for (const map of maps) map.at(this.player.frame);
+    });
+  }
+
+  /** All markers with their error now and over the recording; pointing at one lights it in the picture. */
+  private markerTable(rms: readonly number[], go: (frame: number, marker: string) => void): HTMLElement {
+    this.rows = new Map(this.options.trial.labels.map((label, k) => [label, {
+      // One stop for the keyboard; from there the arrows go on.
+      head: h("button", { class: "linked", tabindex: k === 0 ? 0 : -1, onclick: () => go(this.player.frame, label),
+        onpointerenter: () => this.point(label), onpointerleave: () => this.point(null), onfocus: () => this.point(label), onblur: () => this.point(null),
+        onkeydown: (event) => {
+          const row = (event.currentTarget as HTMLElement).closest("tr");
+          const next = event.key === "ArrowDown" ? row?.nextElementSibling : event.key === "ArrowUp" ? row?.previousElementSibling : null;
+          if (next == null) return;
+          event.preventDefault();
+          next.querySelector("button")?.focus();
+        } }, label),
+      now: h("span"),
+    }]));
+    return table({
+      caption: `Markers: distance from ${quoted(this.method)}, mm`,
+      name: `markers_${this.options.trial.name}`,
+      columns: [{ title: "marker" }, { title: "RMS" }, { title: "now" }],
+      rows: [...this.rows].map(([label, { head, now }], k) => [{ text: label, node: head }, cell(number(rms[k]), rms[k] ?? null), { text: "", node: now }]),
+      filter: true,
+      sorted: { column: 1, down: true },
     });
   }
 

@@ -10,6 +10,8 @@ const NEAR = 14;
 export class Names {
   /** Whether all names are seen. */
   all = false;
+  /** Called with the label that is pointed at, null beside them. */
+  told: (label: string | null) => void = () => undefined;
   private at: Float32Array = new Float32Array();
   private pointed: number | null = null;
   private kept: number | null = null;
@@ -31,11 +33,14 @@ export class Names {
       const before = this.pointed;
       this.pointed = this.place(offsetX, offsetY);
       stage.canvas.style.cursor = this.pointed === null ? "" : "pointer";
-      if (this.pointed !== before) this.draw();
+      if (this.pointed === before) return;
+      this.draw();
+      this.told(this.pointed === null ? null : (labels[this.pointed] ?? null));
     });
     stage.canvas.addEventListener("pointerleave", () => {
       this.pointed = null;
       this.draw();
+      this.told(null);
     });
   }
 

@@ -57,6 +57,17 @@ export class Player {
     return Math.floor(this.position);
   }
 
+  /** The time that is shown, s. */
+  get time(): number {
+    return this.start_s + this.frame / this.rate_hz;
+  }
+
+  /** Show a frame that is pointed at, unless something plays; whether it is shown. */
+  look(frame: number): boolean {
+    if (!this.playing) this.go(frame);
+    return !this.playing;
+  }
+
   /** Show a frame. */
   go(frame: number): void {
     this.position = Math.min(Math.max(frame, 0), this.frames - 1);
@@ -131,7 +142,7 @@ export class Player {
   }
 
   private tell(): void {
-    const time = this.start_s + this.frame / this.rate_hz;
+    const { time } = this;
     this.slider.value = String(this.frame);
     this.slider.setAttribute("aria-valuetext", `${time.toFixed(2)} s`);
     this.clock.textContent = `${time.toFixed(2)} s · ${this.frame + 1} / ${this.frames}`;

@@ -50,6 +50,10 @@ export class Theatre {
   readonly stage: Stage;
   /** Called with the label of a marker that was clicked, or null beside them. */
   picked: (label: string | null) => void = () => undefined;
+  /** Called with the label of a marker that is pointed at, null beside them. */
+  set pointed(told: (label: string | null) => void) {
+    this.names.told = told;
+  }
   /** Called with two bodies' names and how far their joint centres are apart, the most first; without any for others. */
   compared: (names: readonly string[], differences: readonly { name: string; mm: number }[]) => void = () => undefined;
   following = false;

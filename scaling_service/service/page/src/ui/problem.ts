@@ -3,7 +3,7 @@
 import { asProblem, isAbort, type ProblemDetails } from "../api/problem.ts";
 import type { CorrectionEntry, ProblemEntry } from "../api/schema.ts";
 import { fill, h } from "./dom.ts";
-import { plural } from "./words.ts";
+import { correctionInWords, plural } from "./words.ts";
 
 export type Severity = ProblemEntry["severity"];
 
@@ -29,8 +29,7 @@ export function problemList(all: readonly ProblemEntry[], { correct, give }: Hel
     // Where a button does it, nobody has to know what is written into the subject file.
     const element = problemBox({ ...one, remedy: field === undefined && one.corrections.length === 0 && one.remedy != null ? onPage(one.remedy) : null }, one.severity);
     const buttons = one.corrections.map((found) => {
-      const span = `from ${found.from_s.toFixed(2)} to ${found.to_s.toFixed(2)} s`;
-      return h("button", { onclick: () => correct(found.file, found) }, `Exchange ${Object.keys(found.labels).join(" and ")} in ${found.file} ${span}`);
+      return h("button", { onclick: () => correct(found.file, found) }, sentence(`${correctionInWords(found)} in ${found.file}`).replace(/\.$/, ""));
     });
     if (field !== undefined) buttons.push(h("button", { onclick: () => give(field) }, "Give it"));
     if (buttons.length > 0) element.append(h("div", { class: "actions" }, ...buttons));

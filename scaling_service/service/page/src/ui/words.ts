@@ -1,5 +1,7 @@
 /** Numbers, times and names as people read them. */
 
+import type { Correction } from "../api/schema.ts";
+
 const DASH = "–";
 
 /** A number as shown, a dash where there is none. */
@@ -36,12 +38,30 @@ export const withChance = (p: number | null | undefined): string => (p != null &
 export const percent = (share: number | null | undefined): string =>
   share === null || share === undefined ? DASH : `${Math.round(100 * share)} %`;
 
-/** A coordinate's or joint's name for people: `hip_flexion_r` is "hip flexion, right". */
+/** Names of OpenSim's models and of the service that are no words, as `scaling_service/report/words.py` has them. */
+const SHORT: Record<string, string> = {
+  calcn: "heel bone", mtp_angle: "toe angle", arm_flex: "arm flexion", arm_add: "arm adduction", arm_rot: "arm rotation",
+  elbow_flex: "elbow flexion", pro_sup: "forearm rotation", inter_hip: "between the hips",
+};
+
+/** A coordinate's, joint's or segment's name for people: `hip_flexion_r` is "hip flexion, right". */
 export function words(name: string): string {
   const match = /^(.+)_([rl])$/.exec(name);
-  if (match === null) return name.replaceAll("_", " ");
-  return `${match[1]?.replaceAll("_", " ")}, ${match[2] === "r" ? "right" : "left"}`;
+  if (match === null) return SHORT[name] ?? name.replaceAll("_", " ");
+  return `${words(match[1] ?? "")}, ${match[2] === "r" ? "right" : "left"}`;
 }
+
+/** Names of coordinates, joints and segments within a sentence of the service, as people say them; those of files stay. */
+export function spoken(text: string): string {
+  return text.replaceAll("(inter hip)", "(between the hips)").replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b/g, (name) => {
+    const [stem = name, side] = words(name).split(", ");
+    return side === undefined ? stem.replace(/ t([xyz])$/, " moving along $1") : `${side} ${stem}`;
+  }).replace(/ along ([xyz]) of the room/g, " (seen along $1 of the room)").replace(/\bplate_(\d+)/g, "plate $1");
+}
+
+/** A number's name with its unit: `x_mm_per_deg` is "x, mm per deg". */
+export const withUnit = (name: string): string =>
+  name.replace(/_((?:mm|m|deg|s|kg|N|Nm|hz)(?:_per_.*)?)$/, ", $1").replace(/\bNm\b/, "N m").replace(/\bhz\b/, "Hz").replaceAll("_", " ");
 
 export function plural(count: number, one: string, many = `${one}s`): string {
   return `${count} ${count === 1 ? one : many}`;
@@ -67,6 +87,15 @@ export function duration(seconds: number): string {
 export function few(names: readonly string[], most = 6): string {
   const more = names.length - most;
   return names.slice(0, most).join(", ") + (more > 0 ? ` and ${more} more` : "");
+}
+
+/** What a correction does to labels. */
+export function correctionInWords({ labels, from_s, to_s }: Correction): string {
+  const span = `from ${from_s.toFixed(2)} to ${to_s.toFixed(2)} s`;
+  const pairs = Object.entries(labels);
+  const right = new Set(pairs.map(([, name]) => name));
+  if (pairs.every(([label]) => right.has(label))) return `exchange ${pairs.map(([label]) => label).join(" and ")} ${span}`;
+  return `${pairs.map(([label, name]) => (name === null ? `leave ${label} out` : `take ${label} for ${name}`)).join(", ")} ${span}`;
 }
 
 const KINDS: Record<string, string> = {

@@ -17,11 +17,14 @@ export function working(title?: string): Working {
   const bar = h("progress", { max: 1, "aria-label": "How far the job is" });
   const status = h("p", { class: "quiet", role: "status" });
   let latest: JobDocument | null = null;
+  let running = false;
   const cancel: HTMLButtonElement = h("button", { class: "small", onclick: () => {
     cancel.disabled = true;
     if (latest !== null) void end(latest.id);
   } }, "Cancel");
-  const element = h("div", { class: "working" }, h("div", { class: "bar" }, name, h("span", { class: "push" }), cancel), bar, status);
+  const left = h("p", { class: "quiet" });
+  const tell = noticeButton();
+  const element = h("div", { class: "working" }, h("div", { class: "bar" }, name, h("span", { class: "push" }), tell, cancel), bar, status, left);
   return {
     element,
     show(job) {
@@ -29,10 +32,37 @@ export function working(title?: string): Working {
       element.hidden = isOver(job);
       name.textContent = title ?? kindInWords(job.kind);
       status.textContent = stateInWords(job);
+      left.textContent = leftInWords(job);
+      if (!isOver(job)) running = true;
+      else if (running) notify(job);
       if (isCounted(job)) bar.value = job.progress.share;
       else bar.removeAttribute("value");
     },
   };
+}
+
+/** Asks the browser whether it may tell of the end of what takes long; gone where it was asked before. */
+function noticeButton(): HTMLElement {
+  const button: HTMLButtonElement = h("button", { class: "small", hidden: !("Notification" in window) || Notification.permission !== "default", onclick: () => {
+    void Notification.requestPermission().then(() => void (button.hidden = true));
+  } }, "Tell me at its end");
+  return button;
+}
+
+/** A notice of the system's that a job has ended, where somebody looks elsewhere and wants one. */
+function notify({ kind, state }: JobDocument): void {
+  if (document.hidden && "Notification" in window && Notification.permission === "granted") new Notification(`${kindInWords(kind)}: ${state}`);
+}
+
+/** Chosen: before it, what is done tells little of what is left. */
+const TELLING = 0.05;
+
+/** How long a job will still take if it goes on as it did, by the server's own clock; empty where that is not known. */
+export function leftInWords({ state, progress: { share }, started_at, updated_at }: JobDocument): string {
+  const passed = started_at === null ? 0 : (Date.parse(updated_at) - Date.parse(started_at)) / 1000;
+  if (state !== "running" || share < TELLING || share >= 1 || passed <= 0) return "";
+  const left = (passed * (1 - share)) / share;
+  return left < 60 ? "less than a minute left" : `about ${Math.round(left / 60)} min left`;
 }
 
 /** Whether its share tells how far it is. */

@@ -1,25 +1,27 @@
 /** Import in three steps, before anything runs: the files and the person, the markers, the laboratory's space. */
 
 import { filePath } from "../api/jobs.ts";
-import type { Correction, MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
+import type { Correction, GaitEventEntry, MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
 import { getSubject } from "../api/subjects.ts";
 import { vocabulary } from "../api/vocabulary.ts";
 import { Draft } from "../imports/draft.ts";
+import { eventList } from "../imports/events.ts";
 import { facts } from "../imports/facts.ts";
 import { fileTable } from "../imports/files.ts";
 import { laboratoryMap, MarkerMap } from "../imports/markermap.ts";
 import { orientation } from "../imports/orientation.ts";
 import { personForm } from "../imports/person.ts";
 import { Preview } from "../imports/preview.ts";
+import { mending } from "../imports/mending.ts";
 import { proofOf } from "../imports/proof.ts";
 import { readinessOf } from "../imports/readiness.ts";
 import { Saver } from "../imports/saver.ts";
-import { again, link } from "../routes.ts";
+import { again, link, note } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { guarded, problemList } from "../ui/problem.ts";
 import { Steps } from "../ui/steps.ts";
-import { plural } from "../ui/words.ts";
+import { correctionInWords, plural } from "../ui/words.ts";
 import { working } from "../ui/working.ts";
 import { dropZone } from "./drop.ts";
 import { subjectHead } from "./subjecthead.ts";
@@ -72,7 +74,18 @@ function shown(
     markers.follow();
   });
   const markers = new MarkerMap(proof, draft, laboratory);
-  const space = inSpace(proof, job, place, markers, signal);
+  const keep = async (file: string, correction: Correction): Promise<void> => {
+    draft.correct(file, correction);
+    await saver.flush();
+    again();
+  };
+  const keepEvents = async (file: string, events: GaitEventEntry[] | null): Promise<void> => {
+    draft.events(file, events);
+    await saver.flush();
+    note({ recording: file });
+    again();
+  };
+  const space = inSpace(proof, job, place, markers, { correct: keep, events: keepEvents }, signal);
 
   const steps = new Steps("Steps of the import", [
     { name: "files", title: "Files and person", panel: [
@@ -88,10 +101,7 @@ function shown(
       h("p", { role: "status", class: "headline" }, `${plural(found.recordings.length, "recording")} in ${plural(found.files.length, "file")} can be read. ${found.headline}.`),
       readinessOf(found.readiness, (what) => steps.give(what)),
       problemList(found.problems, {
-        correct: (file, { labels, from_s, to_s }) => {
-          draft.correct(file, { labels, from_s, to_s } as Correction);
-          void saver.flush().then(again);
-        },
+        correct: (file, { labels, from_s, to_s }) => void keep(file, { labels, from_s, to_s }),
         give: (field) => steps.give(field),
       }),
     );
@@ -114,10 +124,8 @@ function shown(
 
 /** What the subject's document corrects, with a way back. */
 function corrections({ corrections: all = {} }: SubjectDocument, undo: (file: string) => void): HTMLElement {
-  const rows = Object.entries(all).map(([file, found]) => {
-    const exchanges = found.map(({ labels, from_s, to_s }) => `${Object.keys(labels).join(" and ")} from ${from_s.toFixed(2)} to ${to_s.toFixed(2)} s`);
-    return h("li", null, `${file}: exchanged ${exchanges.join("; ")} `, h("button", { class: "small", onclick: () => undo(file) }, "Undo"));
-  });
+  const rows = Object.entries(all).map(([file, found]) =>
+    h("li", null, `${file}: ${found.map(correctionInWords).join("; ")} `, h("button", { class: "small", onclick: () => undo(file) }, "Undo")));
   return h("section", { hidden: rows.length === 0 }, h("h2", null, "Labels put right"), h("ul", null, ...rows));
 }
 
@@ -129,19 +137,34 @@ interface Space {
   facts: HTMLElement;
 }
 
-function inSpace(proof: ProofDocument, job: string, place: Context["place"], markers: MarkerMap, signal: AbortSignal): Space {
-  const [home, alone, facts, box, failed] = [h("div"), h("div"), h("section"), h("div"), h("div")];
-  const [first] = [...proof.recordings].sort((a, b) => b.walked_m - a.walked_m);
+interface Keep {
+  correct: (file: string, correction: Correction) => Promise<void>;
+  events: (file: string, events: GaitEventEntry[] | null) => Promise<void>;
+}
+
+function inSpace(proof: ProofDocument, job: string, place: Context["place"], markers: MarkerMap, keep: Keep, signal: AbortSignal): Space {
+  const [home, alone, facts, box, mend, failed] = [h("div"), h("div"), h("section"), h("div"), h("div"), h("div")];
+  const labels = [...new Set([...proof.recordings.flatMap((one) => one.labels.map(({ label }) => label)), ...proof.markers.map(({ marker }) => marker)])].sort();
+  const wanted = place.query.get("recording");
+  const [first] = [...proof.recordings].sort((a, b) => Number(b.file === wanted) - Number(a.file === wanted) || b.walked_m - a.walked_m);
   if (first === undefined) return { stage: box, home, place: alone, facts };
   let leaving = new AbortController();
   const show = async (name: string): Promise<void> => {
     leaving.abort();
     leaving = new AbortController();
     const recording = proof.recordings.find((one) => one.file === name) ?? first;
-    const preview = new Preview(recording, (file) => filePath(job, file), markers.names(), (label) => markers.clicked(label), AbortSignal.any([signal, leaving.signal]));
+    const end_s = recording.start_s + (recording.frames - 1) / recording.rate_hz;
+    const picked = (label: string | null): void => {
+      if (!markers.clicked(label)) return;
+      fill(mend, label !== null && mending({ file: recording.file, label, labels, span: [recording.start_s, end_s] }, () => preview.now, "Put it right",
+        (correction) => keep.correct(recording.file, correction)));
+    };
+    const preview = new Preview(recording, (file) => filePath(job, file), markers.names(), picked, AbortSignal.any([signal, leaving.signal]));
     markers.show = (label) => preview.mark(label);
-    fill(box, preview.element);
-    fill(facts, orientation(recording, proof, place), preview.gaps);
+    fill(mend);
+    fill(box, preview.element, mend);
+    fill(facts, orientation(recording, proof, place),
+      eventList(recording, () => preview.now, (time_s) => preview.go(time_s), (events) => void guarded(failed, () => keep.events(recording.file, events))), preview.gaps);
     await preview.begin();
   };
   const names = proof.recordings.map(({ file }) => ({ value: file, text: file }));

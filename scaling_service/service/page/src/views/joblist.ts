@@ -6,7 +6,7 @@ import type { JobDocument, Specification } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { fill, h } from "../ui/dom.ts";
 import { duration, kindInWords, moment } from "../ui/words.ts";
-import { isCounted, stateInWords } from "../ui/working.ts";
+import { isCounted, leftInWords, stateInWords } from "../ui/working.ts";
 
 interface Options {
   compact?: boolean;
@@ -25,7 +25,7 @@ function entry(job: JobDocument, signal: AbortSignal, compact: boolean): HTMLEle
   const failed = h("p", { class: "quiet" });
   const show = (latest: JobDocument): void => {
     state.className = `state ${latest.state}`;
-    state.textContent = isOver(latest) ? latest.state : stateInWords(latest);
+    state.textContent = isOver(latest) ? latest.state : [stateInWords(latest), leftInWords(latest)].filter((part) => part !== "").join("; ");
     cancel.hidden = isOver(latest);
     bar.hidden = !isCounted(latest);
     bar.value = latest.progress.share;

@@ -30,7 +30,9 @@ class ProblemEntry(base.Part):
     field: str | None = None
     problem: str
     remedy: str | None = None
-    corrections: list[CorrectionEntry] = Field(default=[], description="Any one of these solves it.")
+    corrections: list[CorrectionEntry] = Field(
+        default=[], description="Each can be taken; of exchanges any one solves it."
+    )
 
 
 class AxesEntry(base.Part):
@@ -78,6 +80,17 @@ class RepairEntry(base.Part):
     frames: int
 
 
+class EventProof(base.Part):
+    """A foot meets the ground (strike) or leaves it (off)."""
+
+    side: Literal["r", "l"]
+    kind: Literal["strike", "off"]
+    time_s: float = Field(description="By the recording's clock.")
+    source: Literal["document", "file", "plates"] = Field(
+        description="Who says so. Strides are cut by the document's and the file's."
+    )
+
+
 class RecordingProof(base.Part):
     """One recording as it was understood. Positions are m, X forward, Y up, Z right."""
 
@@ -94,6 +107,7 @@ class RecordingProof(base.Part):
     labels: list[LabelEntry]
     markers: base.ArrayEntry
     plates: list[base.PlateEntry]
+    events: list[EventProof] = Field(default=[], description="Heel strikes and toe-offs, by time.")
     forces_from: str | None
     force: base.ArrayEntry | None
     centre_of_pressure: base.ArrayEntry | None

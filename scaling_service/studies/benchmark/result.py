@@ -10,7 +10,7 @@ from pydantic import Field
 
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part
-from scaling_service.report.tables import Row, Table
+from scaling_service.report import tables
 
 DOCUMENT = "benchmark.json"
 
@@ -75,12 +75,12 @@ def tabulate_figures(document: BenchmarkDocument) -> dict[str, ResultTable]:
     return {"benchmark": ResultTable("Benchmark", ("task", "case", "entry", "metric", "value"), rows)}
 
 
-def make_tables(document: BenchmarkDocument) -> Iterator[Table]:
+def make_tables(document: BenchmarkDocument) -> Iterator[tables.Table]:
     """A table for every task, and one of the whole."""
     for task in document.tasks:
         columns = [task.title, "answered", *(metric.title for metric in task.metrics), "mean place"]
         rows = [
-            Row(
+            tables.Row(
                 entry.entry,
                 [
                     f"{entry.answered}/{len(task.cases)}",
@@ -90,14 +90,14 @@ def make_tables(document: BenchmarkDocument) -> Iterator[Table]:
             )
             for entry in task.entries
         ]
-        yield Table(caption="", columns=columns, rows=rows, note=f"Truth: {task.truth}")
+        yield tables.Table(caption="", columns=columns, rows=rows, note=f"Truth: {task.truth}")
     cases = sum(len(task.cases) for task in document.tasks)
     answered = {
         name: sum(e.answered for task in document.tasks for e in task.entries if e.entry == name)
         for name in document.places
     }
-    rows = [Row(n, [f"{answered[n]}/{cases}", f"{place:.2f}"]) for n, place in document.places.items()]
-    yield Table(caption="", columns=["All tasks", "answered", "mean place"], rows=rows)
+    rows = [tables.Row(n, [f"{answered[n]}/{cases}", f"{place:.2f}"]) for n, place in document.places.items()]
+    yield tables.Table(caption="", columns=["All tasks", "answered", "mean place"], rows=rows)
 
 
 def format_value(values: dict[str, float], metric: MetricPart) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import pydantic
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BeforeValidator, Field
 
 from scaling_service.core.arrays import Array
 from scaling_service.documents.base import Part
-from scaling_service.studies.claims import PersonPart, StudyDocument
+from scaling_service.studies import claims
 
 _DIGITS = 8
 
@@ -25,11 +25,13 @@ def _round_digits(value: float) -> float:
     return float(f"{value:.4g}") if abs(value) < 1e-4 else round(value, _DIGITS)
 
 
-_Number = Annotated[float, AfterValidator(_round_digits)]
-Six = Annotated[tuple[_Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_to_plain)]
+_Number = Annotated[float, pydantic.AfterValidator(_round_digits)]
+Six = Annotated[
+    tuple[_Number, _Number, _Number, _Number, _Number, _Number], pydantic.BeforeValidator(_to_plain)
+]
 """fx, fy, fz over body weight, mx, my, mz over body weight times stature; X forward, Y up, Z right."""
 
-SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], BeforeValidator(_to_plain)]
+SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], pydantic.BeforeValidator(_to_plain)]
 
 
 class IdentificationEntry(Part):
@@ -37,7 +39,9 @@ class IdentificationEntry(Part):
 
     residual_before: Six
     residual_after: Six
-    true_error_before: Six = Field(description="What the inertia leaves of the true motion and forces.")
+    true_error_before: Six = pydantic.Field(
+        description="What the inertia leaves of the true motion and forces."
+    )
     true_error_after: Six
 
     @property
@@ -63,8 +67,8 @@ class MarkerEntry(Part):
     """One marker's error and its share of the uncertainty."""
 
     marker: str
-    sd_mm: float = Field(description="Of its own error per direction, after the filter.")
-    shares: Six = Field(description="Of the variance of each component.")
+    sd_mm: float = pydantic.Field(description="Of its own error per direction, after the filter.")
+    shares: Six = pydantic.Field(description="Of the variance of each component.")
 
 
 class WindowEntry(Part):
@@ -72,11 +76,11 @@ class WindowEntry(Part):
 
     start_s: float
     stop_s: float
-    gain: float = Field(description="Information on inertia that it adds, nats.")
-    uncertainty: float = Field(description="Mean SD of the residual force over body weight.")
+    gain: float = pydantic.Field(description="Information on inertia that it adds, nats.")
+    uncertainty: float = pydantic.Field(description="Mean SD of the residual force over body weight.")
 
 
-class PropagatedEntry(PersonPart):
+class PropagatedEntry(claims.PersonPart):
     """One recording's residual and its uncertainty, by samples."""
 
     reconstruction_error_mm: float
@@ -99,14 +103,14 @@ class PersonEntry(PropagatedEntry):
     linear_slopes_per_cm: Six
     true_measurement_error: Six
     true_inertial_error: Six
-    markers_sd: Six = Field(description="Standard deviation by the markers' errors.")
-    supported_by_markers: SixFlags = Field(
+    markers_sd: Six = pydantic.Field(description="Standard deviation by the markers' errors.")
+    supported_by_markers: SixFlags = pydantic.Field(
         description="Where dr exceeds that by the root of two: inertia then has the larger part."
     )
-    coverage: Six = Field(description="Share of frames whose true error lies within 1.96 of it.")
-    markers: list[MarkerEntry] = Field(description="Those with the largest shares, largest first.")
+    coverage: Six = pydantic.Field(description="Share of frames whose true error lies within 1.96 of it.")
+    markers: list[MarkerEntry] = pydantic.Field(description="Those with the largest shares, largest first.")
     windows: list[WindowEntry]
-    windows_share: float = Field(description="Of the whole recording's information.")
+    windows_share: float = pydantic.Field(description="Of the whole recording's information.")
     identified_beside_tables: IdentificationEntry
     identified_freely: IdentificationEntry
 
@@ -116,12 +120,14 @@ class PersonEntry(PropagatedEntry):
         return np.greater(self.true_inertial_error, self.true_measurement_error)
 
 
-class Muller2017Document(StudyDocument):
+class Muller2017Document(claims.StudyDocument):
     """``study.json``."""
 
     study: Literal["muller2017"] = "muller2017"
     persons: list[PersonEntry]
-    recordings: list[PropagatedEntry] = Field(description="Real ones, if given; claims leave them out.")
+    recordings: list[PropagatedEntry] = pydantic.Field(
+        description="Real ones, if given; claims leave them out."
+    )
 
     @property
     def size(self) -> int:

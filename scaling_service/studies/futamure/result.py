@@ -6,23 +6,23 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part, Rounded
-from scaling_service.studies.claims import PersonPart, StudyDocument
+from scaling_service.documents import base
+from scaling_service.studies import claims
 
-Three = tuple[Rounded, Rounded, Rounded]
+Three = tuple[base.Rounded, base.Rounded, base.Rounded]
 
 
-class WayEntry(Part):
+class WayEntry(base.Part):
     """One way of explaining one recording."""
 
     wrench_rmse: Three = Field(description="fx, N; fy, N; mz, N m, about the ankle or the feet's middle.")
     marker_rms_mm: float
-    angle_rmse_deg: list[Rounded] = Field(
+    angle_rmse_deg: list[base.Rounded] = Field(
         description="Ankle, knee, hip, shoulder; empty where no truth is known."
     )
 
 
-class RecordingEntry(Part):
+class RecordingEntry(base.Part):
     """One recording in three ways."""
 
     classical: WayEntry
@@ -30,7 +30,7 @@ class RecordingEntry(Part):
     predicted: WayEntry
 
 
-class SquatterEntry(PersonPart):
+class SquatterEntry(claims.PersonPart):
     """One virtual person."""
 
     fitted: RecordingEntry
@@ -45,7 +45,7 @@ class SquatterEntry(PersonPart):
     seconds: float
 
 
-class RealEntry(Part):
+class RealEntry(base.Part):
     """A real recording: its first part fitted, the rest held out."""
 
     name: str
@@ -57,7 +57,7 @@ class RealEntry(Part):
     seconds: float
 
 
-class FutamureDocument(StudyDocument):
+class FutamureDocument(claims.StudyDocument):
     """``study.json``."""
 
     study: Literal["futamure"] = "futamure"

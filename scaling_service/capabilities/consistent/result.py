@@ -1,16 +1,23 @@
-"""``consistent.json``: motion, geometry and inertia that markers and ground forces agree on."""
+"""What `consistent` finds: motion, geometry and inertia that markers and ground forces agree on."""
 
 from __future__ import annotations
 
+from collections import abc
+from dataclasses import dataclass
 from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part, Tone
+from scaling_service.capabilities.consistent import estimate
+from scaling_service.capabilities.consistent.recording import ConsistentRecording
+from scaling_service.capabilities.dynamics import start
+from scaling_service.capabilities.dynamics.settings import ForceSettings
+from scaling_service.capabilities.shared import settings as shared_settings
+from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
 
 
-class GroundWrench(Part):
+class GroundWrench(base.Part):
     """RMS error of the wrench about the feet; a planar model has the sagittal three alone."""
 
     fx_N: float = Field(description="Forward.")
@@ -21,7 +28,7 @@ class GroundWrench(Part):
     my_Nm: float | None = None
 
 
-class WrenchErrors(Part):
+class WrenchErrors(base.Part):
     """The same recording explained in three ways."""
 
     classical: GroundWrench = Field(description="Inverse kinematics, filter, derivatives; the start's model.")
@@ -29,7 +36,7 @@ class WrenchErrors(Part):
     predicted: GroundWrench = Field(description="As classical, with the model found: from markers alone.")
 
 
-class MarkerErrors(Part):
+class MarkerErrors(base.Part):
     """RMS distance of measured and model markers, mm."""
 
     classical: float
@@ -37,7 +44,7 @@ class MarkerErrors(Part):
     predicted: float
 
 
-class ConsistentTrial(Part):
+class ConsistentTrial(base.Part):
     """One recording."""
 
     held_out: bool = Field(description="Not used to find geometry and inertia.")
@@ -50,7 +57,7 @@ class ConsistentTrial(Part):
     )
 
 
-class InertialEntry(Part):
+class InertialEntry(base.Part):
     """One inertial parameter before and after."""
 
     segment: str
@@ -62,7 +69,7 @@ class InertialEntry(Part):
     identifiable: bool
 
 
-class LoopEntry(Part):
+class LoopEntry(base.Part):
     """Errors over the fitted recordings after one loop."""
 
     marker_rms_mm: float
@@ -74,7 +81,7 @@ class ConsistentDocument(Provenance):
 
     kind: Literal["consistent"] = "consistent"
     headline: str = Field(default="", description="What was gained at the forces, in one sentence.")
-    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
+    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
     start: str = Field(description="Method that scaled the model; none: as given.")
     inertia: str = Field(description="Table of the prior; model: the model's own.")
     mass_kg: float = Field(description="That the plates bear.")
@@ -89,3 +96,24 @@ class ConsistentDocument(Provenance):
     warnings: list[str]
     files: list[str]
     wall_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ConsistentResults:
+    """What the loop made of a subject."""
+
+    prepared: start.Prepared  # its model has the mass that the plates bear
+    chosen: ForceSettings
+    settings: shared_settings.Settings
+    recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
+    fitted: int  # how many were fitted
+    result: estimate.ConsistentResult
+    document: ConsistentDocument  # ``consistent.json``
+    warnings: tuple[str, ...]
+    wall_s: float = 0.0
+
+    @property
+    def tracked(self) -> abc.Iterator[tuple[ConsistentRecording, dict[str, estimate.TrackedRecording]]]:
+        """Every recording, and how it is explained in each of the three ways."""
+        for k, recording in enumerate(self.recordings):
+            yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from functools import cache
 from types import MappingProxyType
 from typing import Any, Literal
@@ -10,14 +10,14 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from scaling_service.capabilities.cohort.document import QuantityEntry, StatisticsDocument
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort.words import describe_quantity
 from scaling_service.core.text import format_p
-from scaling_service.documents.base import Part, Rounded
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.documents import base
+from scaling_service.model import reference
+from scaling_service.report import tables
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Row, Table
-from scaling_service.studies.claims import StudyDocument, summarise_study
+from scaling_service.studies import claims
 
 METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
 """The five models, in the order of the paper's figures."""
@@ -28,19 +28,19 @@ LENGTHS = ("femur_r", "femur_l", "inter_hip", "shank_r", "shank_l")
 AXES = ("r_x", "r_y", "l_x", "l_y")
 """Turns of the knee axes, as in table 3."""
 
-SAME_LENGTHS: Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
+SAME_LENGTHS: abc.Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
 """Methods that keep the lengths of their first guess share its column in table 2."""
 
 
-class Beside(Part):
+class Beside(base.Part):
     """One cell of a table of the paper beside ours; mean and standard deviation over subjects."""
 
     quantity: str
     method: str
-    paper_mean: Rounded | None = Field(description="Null where the paper gives none.")
-    paper_sd: Rounded | None
-    mean: Rounded
-    sd: Rounded
+    paper_mean: base.Rounded | None = Field(description="Null where the paper gives none.")
+    paper_sd: base.Rounded | None
+    mean: base.Rounded
+    sd: base.Rounded
     paper_stars: str = Field(default="", description="The paper's mark of a difference from EB.")
     p_from_EB: float | None = Field(
         default=None, description="Ours, Tukey's HSD; null where it was not tested."
@@ -48,7 +48,7 @@ class Beside(Part):
     significant: bool | None = Field(default=None, description="After Friedman's test, at 5 %.")
 
 
-class Puchaud2019Document(StudyDocument):
+class Puchaud2019Document(claims.StudyDocument):
     """``study.json``."""
 
     study: Literal["puchaud2019"] = "puchaud2019"
@@ -60,8 +60,8 @@ class Puchaud2019Document(StudyDocument):
     literature_error_mm: dict[str, float] = Field(description="Table 5: other studies.")
     length_difference_mm: list[Beside] = Field(description="Figure 4: method minus EB.")
     marker_shift_mm: list[Beside] = Field(description="Section 3.1.")
-    statistics: StatisticsDocument = Field(description="All subjects; joint angles are figure 6.")
-    walkers_statistics: StatisticsDocument
+    statistics: documents.StatisticsDocument = Field(description="All subjects; joint angles are figure 6.")
+    walkers_statistics: documents.StatisticsDocument
     slowest_subject_s: float
 
     @property
@@ -75,12 +75,12 @@ Spread = tuple[float, float]
 
 
 @cache
-def read_paper() -> Mapping[str, Any]:
+def read_paper() -> abc.Mapping[str, Any]:
     """The paper's numbers as ``puchaud2019.yaml`` has them, read once."""
-    return MappingProxyType(read_reference(find_reference_folder() / "puchaud2019.yaml"))
+    return MappingProxyType(reference.read_reference(reference.find_reference_folder() / "puchaud2019.yaml"))
 
 
-def compare_lengths(found: StatisticsDocument) -> list[Beside]:
+def compare_lengths(found: documents.StatisticsDocument) -> list[Beside]:
     """Table 2."""
     theirs = read_paper()["segment_lengths_mm"]
     stars = theirs["differs_from_EB"]
@@ -96,7 +96,7 @@ def compare_lengths(found: StatisticsDocument) -> list[Beside]:
     ]
 
 
-def compare_knee_axes(found: StatisticsDocument) -> list[Beside]:
+def compare_knee_axes(found: documents.StatisticsDocument) -> list[Beside]:
     """Table 3."""
     return [
         _put_beside(found.quantity("knee_axis_deg", name), method, row[name])
@@ -105,7 +105,7 @@ def compare_knee_axes(found: StatisticsDocument) -> list[Beside]:
     ]
 
 
-def compare_errors(found: StatisticsDocument) -> list[Beside]:
+def compare_errors(found: documents.StatisticsDocument) -> list[Beside]:
     """Figure 5, of which table 5 repeats some means."""
     entry = found.quantity("kinematic_error_mm", "calibration")
     return [
@@ -113,7 +113,7 @@ def compare_errors(found: StatisticsDocument) -> list[Beside]:
     ]
 
 
-def compare_length_differences(found: StatisticsDocument) -> list[Beside]:
+def compare_length_differences(found: documents.StatisticsDocument) -> list[Beside]:
     """Figure 4: method minus EB."""
     cells = []
     for method in ("MB", "MB_lam"):
@@ -134,13 +134,13 @@ def compare_length_differences(found: StatisticsDocument) -> list[Beside]:
     return cells
 
 
-def compare_marker_shifts(found: StatisticsDocument) -> list[Beside]:
+def compare_marker_shifts(found: documents.StatisticsDocument) -> list[Beside]:
     """Section 3.1. The paper's scatter is over coordinates, ours over subjects."""
     entry = found.quantity("marker_shift_mm", "mean_over_markers")
     return [_put_beside(entry, method, spread) for method, spread in read_paper()["marker_shift_mm"].items()]
 
 
-def _put_beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:
+def _put_beside(found: documents.QuantityEntry, method: str, theirs: Spread) -> Beside:
     return Beside(
         quantity=found.quantity,
         method=method,
@@ -151,7 +151,9 @@ def _put_beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:
     )
 
 
-def _put_against_image(found: QuantityEntry, method: str, theirs: Spread, stars: str = "") -> Beside:
+def _put_against_image(
+    found: documents.QuantityEntry, method: str, theirs: Spread, stars: str = ""
+) -> Beside:
     plain = _put_beside(found, method, theirs)
     if method == "EB" or found.friedman is None:
         return plain
@@ -162,10 +164,10 @@ def _put_against_image(found: QuantityEntry, method: str, theirs: Spread, stars:
 
 def summarise(document: Puchaud2019Document) -> Summary:
     """The study in short."""
-    return summarise_study("Puchaud et al. 2019", document, make_tables(document))
+    return claims.summarise_study("Puchaud et al. 2019", document, make_tables(document))
 
 
-def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
+def make_tables(document: Puchaud2019Document) -> abc.Iterator[tables.Table]:
     """The paper's tables beside ours."""
     yield _tabulate_beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
     yield _tabulate_beside("Table 3: knee axes, degrees", document.knee_axis_deg)
@@ -178,18 +180,20 @@ def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
     yield _tabulate_beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
 
 
-def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
+def _tabulate_beside(caption: str, cells: abc.Sequence[Beside], note: str = "") -> tables.Table:
     methods = list(dict.fromkeys(cell.method for cell in cells))
-    rows: list[Row] = []
+    rows: list[tables.Row] = []
     # Quantity to method to its cell
     found: dict[str, dict[str, Beside]] = {}
     for cell in cells:
         found.setdefault(cell.quantity, {})[cell.method] = cell
     for quantity, of in found.items():
-        rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
-        rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
+        rows.append(
+            tables.Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods])
+        )
+        rows.append(tables.Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
-    return Table(caption=caption, columns=["", *methods], rows=rows, note=f"{said} {note}".strip())
+    return tables.Table(caption=caption, columns=["", *methods], rows=rows, note=f"{said} {note}".strip())
 
 
 def _format_paper(cell: Beside | None) -> str:

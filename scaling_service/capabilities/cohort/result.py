@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part, Rounded
+from scaling_service.documents import base
 
 COHORT_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
@@ -15,7 +15,7 @@ RECORD = "batch.json"
 """What a member keeps for the statistics, in its folder."""
 
 
-class SubjectEntry(Part):
+class SubjectEntry(base.Part):
     """How one subject ended."""
 
     id: str = Field(description="The subject's id; its file where that could not be read.")
@@ -32,7 +32,7 @@ class SubjectEntry(Part):
     wall_s: float
 
 
-class Compared(Part):
+class Compared(base.Part):
     """Whose values a comparison counts."""
 
     methods: list[str]
@@ -40,17 +40,17 @@ class Compared(Part):
     excluded: dict[str, str] = Field(description="Every other subject to the reason.")
 
 
-class RankedPairEntry(Part):
+class RankedPairEntry(base.Part):
     """Two methods after Friedman's test, by Tukey's HSD on mean ranks."""
 
     methods: tuple[str, str]
-    difference_mean: Rounded = Field(description="First minus second, in the quantity's unit.")
-    difference_sd: Rounded
+    difference_mean: base.Rounded = Field(description="First minus second, in the quantity's unit.")
+    difference_sd: base.Rounded
     p: float = Field(description="Family-wise over the pairs of this quantity.")
     significant: bool
 
 
-class FriedmanEntry(Part):
+class FriedmanEntry(base.Part):
     """Friedman's test of one quantity."""
 
     chi_square: float
@@ -66,31 +66,31 @@ class FriedmanEntry(Part):
         return next(pair for pair in self.pairs if set(pair.methods) == {method, reference})
 
 
-class QuantityEntry(Part):
+class QuantityEntry(base.Part):
     """A number per subject and method; the unit stands in the name of the list that it is in."""
 
     quantity: str
     compared: Compared
-    mean: dict[str, Rounded] = Field(description="Method to the mean over subjects.")
-    sd: dict[str, Rounded] = Field(description="As mean (n - 1); empty for one subject.")
-    values: dict[str, dict[str, Rounded]] = Field(description="Subject to method to value.")
+    mean: dict[str, base.Rounded] = Field(description="Method to the mean over subjects.")
+    sd: dict[str, base.Rounded] = Field(description="As mean (n - 1); empty for one subject.")
+    values: dict[str, dict[str, base.Rounded]] = Field(description="Subject to method to value.")
     friedman: FriedmanEntry | None
     note: str = Field(description="Why there is no test.")
 
 
-class ClusterEntry(Part):
+class ClusterEntry(base.Part):
     """A stretch of the gait cycle in which methods differ."""
 
-    start_percent: Rounded
-    end_percent: Rounded
+    start_percent: base.Rounded
+    end_percent: base.Rounded
     p: float
 
 
-class CurveTestEntry(Part):
+class CurveTestEntry(base.Part):
     """A statistic along the gait cycle against its rearrangements."""
 
-    statistic: list[Rounded]
-    threshold: Rounded | None = Field(description="Null where no outcome could be significant.")
+    statistic: list[base.Rounded]
+    threshold: base.Rounded | None = Field(description="Null where no outcome could be significant.")
     p: float
     alpha: float = Field(description="After correction for the number of pairs.")
     significant: bool
@@ -105,23 +105,23 @@ class CurveTestEntry(Part):
         return [(cluster.start_percent, cluster.end_percent) for cluster in self.clusters]
 
 
-class CurvePairEntry(Part):
+class CurvePairEntry(base.Part):
     """Two methods along the gait cycle, by a paired t test."""
 
     methods: tuple[str, str]
-    difference_mean_deg: list[Rounded] = Field(description="First minus second.")
+    difference_mean_deg: list[base.Rounded] = Field(description="First minus second.")
     test: CurveTestEntry
 
 
-class CurveEntry(Part):
+class CurveEntry(base.Part):
     """A joint angle over the gait cycle, 0 to 100 %."""
 
     coordinate: str
     compared: Compared
     strides: dict[str, int] = Field(description="Subject to the strides behind its curve.")
     reference: str | None = Field(description="Pairs are with this method; null: all pairs.")
-    mean_deg: dict[str, list[Rounded]]
-    sd_deg: dict[str, list[Rounded]]
+    mean_deg: dict[str, list[base.Rounded]]
+    sd_deg: dict[str, list[base.Rounded]]
     anova: CurveTestEntry | None
     pairs: list[CurvePairEntry] = Field(description="Empty unless the analysis of variance is significant.")
     note: str
@@ -131,15 +131,15 @@ class CurveEntry(Part):
         return next(pair for pair in self.pairs if set(pair.methods) == {method, reference})
 
 
-class Interval(Part):
+class Interval(base.Part):
     """A number with its confidence interval; null where it is not defined."""
 
-    value: Rounded
-    low: Rounded | None
-    high: Rounded | None
+    value: base.Rounded
+    low: base.Rounded | None
+    high: base.Rounded | None
 
 
-class AgreementEntry(Part):
+class AgreementEntry(base.Part):
     """A method against a reference, mm."""
 
     quantity: str = Field(description="A segment length, or a joint centre's coordinate such as hip_r.x.")
@@ -148,16 +148,16 @@ class AgreementEntry(Part):
     subjects: list[str]
     excluded: list[str]
     bias_mm: Interval = Field(description="Mean of method minus reference.")
-    sd_mm: Rounded = Field(description="Of the differences.")
+    sd_mm: base.Rounded = Field(description="Of the differences.")
     lower_mm: Interval = Field(description="Lower limit of agreement, bias - 1.96 SD.")
     upper_mm: Interval
-    rmse_mm: Rounded
+    rmse_mm: base.Rounded
     icc_agreement: Interval | None = Field(description="ICC(2,1); null where the reference does not vary.")
     icc_consistency: Interval | None = Field(description="ICC(3,1).")
     confidence: float
 
 
-class GateEntry(Part):
+class GateEntry(base.Part):
     """Subjects that keep OpenSim's limits in all their trials: necessary, not sufficient."""
 
     method: str
@@ -167,7 +167,7 @@ class GateEntry(Part):
     trials_passed: int
 
 
-class Gates(Part):
+class Gates(base.Part):
     """OpenSim's limits of inverse kinematics."""
 
     rms_below_mm: float
@@ -176,7 +176,7 @@ class Gates(Part):
     methods: list[GateEntry]
 
 
-class StatisticsDocument(Part):
+class StatisticsDocument(base.Part):
     """The methods compared over the subjects that are done."""
 
     segment_lengths_mm: list[QuantityEntry]
@@ -205,7 +205,7 @@ class StatisticsDocument(Part):
         return next(entry for entry in self.joint_angles if entry.coordinate == coordinate)
 
 
-class CohortDocument(Part):
+class CohortDocument(base.Part):
     """``cohort.json``."""
 
     schema_version: int = COHORT_SCHEMA_VERSION

@@ -141,7 +141,7 @@ def test_a_folder_of_persons_is_searched_for_what_recurs(
     assert main(["discover", str(tmp_path / "persons"), "--no-report", "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "recurs" in said
-    assert "Named from log odds of 6 on" in said
+    assert "no: log odds below 6" in said
     found = json.loads((out / "recurring.json").read_text(encoding="utf-8"))
     assert len(found["subjects"]) == len(names) == 2
     assert found["schema_version"] == 1

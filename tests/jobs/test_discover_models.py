@@ -155,14 +155,13 @@ def test_joints_that_an_image_moved_stay_moved(tmp_path: Path) -> None:
     write_osim(source, MODEL)
     generic = read_osim(source)
     found = Registration(generic)
-    found.resize({"femur_r": 1.05, "tibia_r": 0.97})
+    found.resize({"femur_r": (1.05,) * 3, "tibia_r": (0.97,) * 3})
     found.shift(found.model.segment("tibia_r"), np.array([0.004, 0.002, -0.003]))
     values = straighten(found.model)
     found.turn(found.model.segment("tibia_r"), np.array([0.1, -0.05, 0.99]), values)
     found.turn_child(found.model.segment("tibia_r"), np.array([0.05, 0.0, -0.02]), np.array([0.0, 0.01, 0.0]))
-    factors = {name: (ratio,) * 3 for name, ratio in found.ratios.items()}
     imaged = Calibration(
-        method="EB", model=found.model, generic=generic, scale_factors=factors, joint_moves=found.moves
+        method="EB", model=found.model, generic=generic, scale_factors=found.ratios, joint_moves=found.moves
     )
     before = replace(prepared(generic, source), calibration=imaged, model=found.model)
     what = fit_of(TILT, LENGTH, CENTRE, OFFSET, HEAVIER, model=found.model)

@@ -11,7 +11,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
 from scaling_service.capabilities.discovery.laws.loads import Inertial
-from scaling_service.capabilities.discovery.laws.spots import JointSpot, find_turning_joints
+from scaling_service.capabilities.discovery.laws.spots import JointSpot, find_index
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames
@@ -61,14 +61,13 @@ def _find_direction(column: Column, model: BodyModel) -> tuple[Array, bool] | No
     frames = pose_neutral_frames(model)
     if isinstance(column.load, Inertial):
         change = np.array(column.load.change)
-        return (frames[column.load.segment][0] @ _unit(change[1:4]), False) if not change[0] else None
+        along = change[1:4] / np.linalg.norm(change[1:4])
+        return (frames[column.load.segment][0] @ along, False) if not change[0] else None
     spot = column.parts[0].spot if column.parts else None
     if not isinstance(spot, JointSpot):
         return None
     segment = model.segment(spot.segment)
-    turning = find_turning_joints(segment)
-    first, last = turning if turning is not None else (0, 0)
-    before = segment.joints[: {"start": 0, "before": first, "after": last}[spot.at]]
+    before = segment.joints[: find_index(segment, spot.at)]
     R = follow(before, list_model_values(model), frames[segment.parent])[0]
     return np.sign(column.parts[0].gain) * R[:, spot.axis], spot.kind == "rotation"
 
@@ -83,7 +82,3 @@ def _find_axis(coordinate: str, model: BodyModel) -> tuple[Array, bool]:
                     R = follow(segment.joints[:k], known, frames[segment.parent])[0]
                     return np.sign(term.gain) * (R @ np.array(joint.axis)), joint.turns
     raise KeyError(coordinate)
-
-
-def _unit(vector: Array) -> Array:
-    return np.asarray(vector / np.linalg.norm(vector))

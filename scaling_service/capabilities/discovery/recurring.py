@@ -19,16 +19,17 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery import options, pooling, words
 from scaling_service.capabilities.discovery.document import QuantityDocument
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
     SearchContext,
 )
-from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
+from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.run import USUAL, discover
 from scaling_service.capabilities.discovery.saving import save_discovery
+from scaling_service.capabilities.discovery.search.leanings import OF_MODELS
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
@@ -48,6 +49,9 @@ SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
 
 _MOST = 5  # effects that are listed (chosen)
+_UNLIKELY = f"log odds below {USUAL.odds:g}"
+_ALONE = "one person alone shows it"
+_WORSE = "what did not fit is worse with it"
 Pair = tuple[Rounded, Rounded]
 
 
@@ -73,6 +77,7 @@ class RecurringEntry(Part):
     named: bool = Field(
         description="Whether that is enough, by more persons than one, and nothing that did not fit is worse."
     )
+    why_not: str = Field(default="", description="Why it is not named.")
     parameters: dict[str, Pair] = Field(
         description="Size and standard deviation, of both sides that of the right, which the left mirrors; "
         "of a segment's mass in shares of it (`share`)."
@@ -157,7 +162,7 @@ def find_recurring(
             remedy="Search persons with models of one family together",
         )
     pooled = pooling.Pooled(shared, {name: pooling.pool(results, shared) for name, results in found.items()})
-    named, refused, entries = list[int](), set[int](), list[RecurringEntry]()
+    named, refused, entries = list[int](), dict[int, tuple[Left, Left]](), list[RecurringEntry]()
     left: list[Left] = [{name: pooled.refit(results, []) for name, results in found.items()}]
     vouching = [who for who, results in found.items() if "held_out" in results.prepared.roles.values()]
     while True:
@@ -170,9 +175,9 @@ def find_recurring(
         best = max(likely, key=lambda k: odds[k])
         after = {name: pooled.refit(results, [*named, best]) for name, results in found.items()}
         if _is_worse(left[-1], after, vouching or list(found)):
-            refused.add(best)
+            refused[best] = left[-1], after
             continue
-        entries.append(_describe(pooled, named, best, odds[best], (left[-1], after)))
+        entries.append(_describe(pooled, named, best, odds[best], left=(left[-1], after)))
         named.append(best)
         left.append(after)
     together = pooled.split(named)
@@ -180,14 +185,21 @@ def find_recurring(
         e.model_copy(update=_say_numbers(*numbers)) for e, numbers in zip(entries, together, strict=True)
     ]
     for k in sorted(odds, key=lambda k: -odds[k])[: max(_MOST - len(named), 0)]:
-        entries.append(_describe(pooled, named, k, odds[k]))
+        alone = _ALONE if odds[k] >= USUAL.odds else _UNLIKELY
+        why, seen = (_WORSE, refused[k]) if k in refused else (alone, ({}, {}))
+        entries.append(_describe(pooled, named, k, odds[k], why, left=seen))
     first = next(iter(found.values()))
-    generic, candidates = first.prepared.loaded.session.model, first.leanings.candidates
-    effects = [
-        replace(effect, candidate=_place_in(generic, effect.candidate))
-        for one, size, _ in together
-        for effect in one.place(candidates, generic, size)
-    ]
+    generic = first.prepared.loaded.session.model
+    scenes = [results.before.scene for results in found.values()]
+    scene = Scene(
+        model=generic,
+        markers=tuple(m for m in scenes[0].markers if m in generic.marker_names),
+        moving=tuple(c for c in generic.coordinate_names if any(c in each.moving for each in scenes)),
+        trials=scenes[0].trials,
+        plates=tuple(plate for each in scenes for plate in each.plates),
+    )
+    every = list(propose_candidates(scene, OF_MODELS))
+    effects = [effect for one, size, _ in together for effect in one.place(every, generic, size)]
     document = RecurringDocument(
         headline=_write_headline(entries, len(found)),
         model=generic.name,
@@ -223,16 +235,23 @@ def _compare(
 
 
 def _describe(
-    pooled: pooling.Pooled, named: Sequence[int], k: int, odds: float, left: tuple[Left, Left] = ({}, {})
+    pooled: pooling.Pooled,
+    named: Sequence[int],
+    k: int,
+    odds: float,
+    why: str = "",
+    *,
+    left: tuple[Left, Left],
 ) -> RecurringEntry:
-    """One effect beside those named; ``left``: without and with it, if it is named."""
+    """One effect beside those named; ``why`` it is not named; ``left``: without and with it, if known."""
     one, size, sd = pooled.split([*named, k])[-1]
     return RecurringEntry(
         kind=one.candidate.kind,
         where=one.where,
         driver=list(one.candidate.driver),
         log_odds=odds,
-        named=bool(left[0]),
+        named=not why,
+        why_not=why,
         persons=_compare(pooled, [*named, k], named, *left),
         **_say_numbers(one, size, sd),
     )
@@ -250,23 +269,10 @@ def _say_numbers(one: pooling.Shared, size: Array, sd: Array) -> dict[str, Any]:
     return {"parameters": numbers, "name": f"{said} (right; left mirrored)" if len(one.sides) > 1 else said}
 
 
-def _place_in(model: BodyModel, candidate: Candidate) -> Candidate:
-    """An effect of a person's masses as one of another model's."""
-    if candidate.kind not in ("segment_mass", "segment_com"):
-        return candidate
-    segment = model.segment(candidate.where[0])
-    if candidate.kind == "segment_mass":
-        loads = [scale_segment(segment)]
-    else:
-        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
-    pairs = zip(candidate.columns, loads, strict=True)
-    return replace(candidate, columns=tuple(replace(column, load=load) for column, load in pairs))
-
-
 def _write_headline(entries: Sequence[RecurringEntry], count: int) -> str:
     named = [e for e in entries if e.named]
     if not named:
-        nearest = f"; nearest to it: {entries[0].name}" if entries else ""
+        nearest = f"; nearest to it: {entries[0].name} ({entries[0].why_not})" if entries else ""
         return f"Nothing recurs in {count} persons beyond what is ordinary for models{nearest}"
     recur = "One effect recurs" if len(named) == 1 else f"{len(named)} effects recur"
     return f"{recur} in {count} persons. First: {named[0].name}; {named[0].shown_by} of {count} show it"
@@ -288,19 +294,25 @@ def summarise(document: RecurringDocument) -> Summary:
         for who, entry in document.persons.items()
     ]
     told = [
-        Row(e.name, ["yes" if e.named else "no", f"{e.log_odds:.1f}", f"{e.shown_by} of {count}"])
+        Row(
+            e.name,
+            [
+                f"no: {e.why_not}" if e.why_not else "yes",
+                f"{e.log_odds:.1f}",
+                f"{e.shown_by} of {count}",
+                "\n".join(filter(None, (_say_gaps(who, entry) for who, entry in e.persons.items()))),
+            ],
+        )
         for e in document.effects
     ]
-    tables = [
-        Table(
-            caption="What may recur",
-            note=f"Named from log odds of {USUAL.odds:g} on, if it is likely without the person who speaks "
-            "loudest for it, and what did not fit is not worse with it.",
-            columns=["effect of the generic model", "named", "log odds", "persons who speak for it"],
-            rows=told,
-            words=True,
-        )
+    columns = [
+        "effect of the generic model",
+        "named",
+        "log odds",
+        "speak for it",
+        "what did not fit, with it",
     ]
+    tables = [Table(caption="What may recur", columns=columns, rows=told, words=True)]
     if rows:
         tables.insert(
             0,
@@ -321,6 +333,17 @@ def summarise(document: RecurringDocument) -> Summary:
         ],
         tables=tables,
     )
+
+
+def _say_gaps(person: str, entry: PersonEntry) -> str:
+    """What an effect does to one person's recordings; empty where that was not tried."""
+    labels = {field: (name, unit) for field, name, unit in words.LEVELS if field in pooling.GAPS}
+    said = [
+        f"{name} {_show_pair(pair)} {unit}"
+        for field, (name, unit) in labels.items()
+        if (pair := getattr(entry, field)) is not None
+    ]
+    return f"{person}: {', '.join(said)}" if said else ""
 
 
 def _show_pair(pair: tuple[float, float] | None) -> str:

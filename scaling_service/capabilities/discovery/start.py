@@ -32,7 +32,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Calibration
-from scaling_service.model.subject import Session, Subject
+from scaling_service.model.subject import Subject
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.signals.splines import MIN_SAMPLES
 from scaling_service.recording import plates_feet
@@ -47,7 +47,7 @@ _NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded"
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
 
 PLAIN_METHODS = ("MB", "EB")
-"""Scalings that fit no marker's place, and so take up least of what is looked for."""
+"""Scalings that fit no marker's place, and so take up least of what is looked for: markers, images."""
 
 
 def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
@@ -81,11 +81,6 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
             if repair.what in _NOTED
         ),
     )
-
-
-def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
-    """Forces with the frames in which they are all that touches the body."""
-    return ContactAssignment(forces.ground, find_usable_frames(forces.ground, forces.contacts), cutoff_hz)
 
 
 def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
@@ -130,11 +125,6 @@ def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
     return found
 
 
-def choose_plain(session: Session) -> str:
-    """The scaling that takes up least of what is looked for."""
-    return "EB" if session.images is not None else "MB"
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Prepared:
     """Everything that the search needs, in memory."""
@@ -173,19 +163,20 @@ def prepare(
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
     sound, exchanged = _without_exchanges(loaded)
-    start = scale_model(sound, chosen.start or choose_plain(session), settings, progress=progress)
+    plain = PLAIN_METHODS[session.images is not None]
+    start = scale_model(sound, chosen.start or plain, settings, progress=progress)
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)
     massive = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
     forces, notes = read_ground_forces(loaded, massive.model)
     fitting = {trial.name for trial in session.calibration or session.evaluation}
+    contacts = {
+        name: ContactAssignment(one.ground, find_usable_frames(one.ground, one.contacts), chosen.cutoff_hz)
+        for name, one in forces.items()
+    }
     used = tuple(
-        SearchTrial(
-            trial,
-            "fit" if trial.name in fitting else "held_out",
-            assign_contacts(forces[trial.name], chosen.cutoff_hz) if trial.name in forces else None,
-        )
+        SearchTrial(trial, "fit" if trial.name in fitting else "held_out", contacts.get(trial.name))
         for trial in session.dynamic
     )
     if session.static is not None and session.static.n_frames >= MIN_SAMPLES:

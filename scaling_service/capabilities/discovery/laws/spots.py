@@ -104,13 +104,14 @@ def put_joint(model: body.BodyModel, segment: str, at: At, joint: body.Joint) ->
     """The model with a joint in the chain that carries a segment; a ValueError where that does not turn."""
 
     def lengthen(item: body.Segment) -> body.Segment:
-        place = _find_index(item, at)
+        place = find_index(item, at)
         return replace(item, joints=(*item.joints[:place], joint, *item.joints[place:]))
 
     return replace(model, segments=tuple(lengthen(s) if s.name == segment else s for s in model.segments))
 
 
-def _find_index(segment: body.Segment, at: At) -> int:
+def find_index(segment: body.Segment, at: At) -> int:
+    """How many of a segment's joints come before that place; a ValueError where none turns."""
     if at == "start":
         return 0
     span = find_turning_joints(segment)

@@ -16,7 +16,7 @@ from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.core.errors import InputError
 from scaling_service.files.osim.models import write_osim
-from scaling_service.files.sto import tabulate_motion, write_sto
+from scaling_service.files.sto import read_sto, tabulate_motion, write_sto
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.tree import pose_markers
@@ -105,6 +105,30 @@ def test_an_effect_must_have_its_place_and_its_size(tmp_path: Path) -> None:
     assert judge("moved", ("marker_offset", "L_thigh2", moved)) == {"wrong": 100.0, "others": 1.0}
     assert judge("moved", ("marker_offset", "L_thigh3", {"x_mm": 60.0}))["wrong"] == 100.0
     assert judge("gain") == {"wrong": 100.0, "others": 0.0}
+
+
+def test_what_is_hidden_in_forces_is_what_is_said(shared_data: Path, tmp_path: Path) -> None:
+    def change(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, and the first plate's force before and after, (n, 3)."""
+        box = tmp_path / name
+        box.mkdir()
+        for file in (f"{trial}{end}" for trial in ("squats1", "walking1") for end in (".trc", "_grf.mot")):
+            shutil.copyfile(shared_data / "opencap_squat" / file, box / file)
+        hidden.HIDDEN[name].change(box)  # type: ignore[union-attr]
+        tables = [read_sto(folder / "walking1_grf.mot") for folder in (shared_data / "opencap_squat", box)]
+        columns = [f"ground_force_1_v{axis}" for axis in "xyz"]
+        forces = [np.stack([table.column(c) for c in columns], axis=1) for table in tables]
+        return tables[0].column("time"), forces[0], forces[1]
+
+    times, before, after = change("late")
+    rows = np.rint(0.040 / np.median(np.diff(times))).astype(int)
+    np.testing.assert_allclose(after[rows:], before[:-rows], atol=1e-5)
+    _, before, after = change("bias")
+    np.testing.assert_allclose(after - before, np.tile([0.0, 60.0, 0.0], (len(before), 1)), atol=1e-5)
+    _, before, after = change("lean")
+    turn, _ = Rotation.align_vectors(after, before)
+    assert np.degrees(turn.magnitude()) == pytest.approx(3.0, abs=1e-4)
+    np.testing.assert_allclose(turn.apply(before), after, atol=1e-4)
 
 
 @needs_opensim

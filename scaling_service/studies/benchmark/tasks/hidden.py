@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from scaling_service.files import sto, trc
 from scaling_service.model.trial import Trial
@@ -75,19 +76,49 @@ def _change_forces(change: abc.Callable[[sto.Table, benchmark_parts.Array], None
 
 
 def _list_columns(table: sto.Table, plate: int, what: str) -> list[int]:
-    """A plate's three columns of one kind, in the order of the file."""
-    found = [k for k, name in enumerate(table.columns) if f"_{what}" in name.replace("torque", "moment")]
+    """A plate's three columns of one kind (v, p or m), in the order of the file."""
+    plain = [name.replace("torque_", "m").replace("moment_", "m") for name in table.columns]
+    found = [k for k, name in enumerate(plain) if f"_{what}" in name]
     return found[3 * (plate - 1) : 3 * plate]
 
 
 def _gain(table: sto.Table, data: benchmark_parts.Array) -> None:
-    for what in ("v", "moment"):
+    for what in ("v", "m"):
         data[:, _list_columns(table, 2, what)] *= 1.10
 
 
 def _shift(table: sto.Table, data: benchmark_parts.Array) -> None:
     loaded = np.abs(data[:, _list_columns(table, 1, "v")[1]]) > 1.0
     data[loaded, _list_columns(table, 1, "p")[2]] += 0.040
+
+
+def _delay(table: sto.Table, data: benchmark_parts.Array) -> None:
+    for column in range(1, data.shape[1]):
+        data[:, column] = np.interp(data[:, 0] - 0.040, table.data[:, 0], table.data[:, column])
+
+
+def _add_bias(table: sto.Table, data: benchmark_parts.Array) -> None:
+    """A bias stands while nobody does, too: the plate then pushes where it is trodden on average."""
+    up, places = _list_columns(table, 1, "v")[1], _list_columns(table, 1, "p")
+    empty = np.abs(data[:, up]) <= 1.0
+    for place in places:
+        data[empty, place] = data[~empty, place].mean()
+    data[:, up] += 60.0
+
+
+def _lean(box: Path) -> None:
+    """Cameras and plates were levelled alike, three degrees off."""
+    turn = Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
+    _change_markers((SQUAT, WALK), lambda trial: trial.markers @ turn.T, box)
+
+    def lean(table: sto.Table, data: benchmark_parts.Array) -> None:
+        plates = sum("_v" in name for name in table.columns) // 3
+        for plate in range(1, plates + 1):
+            for what in ("v", "p", "m"):
+                columns = _list_columns(table, plate, what)
+                data[:, columns] = data[:, columns] @ turn.T
+
+    _change_forces(lean, box)
 
 
 def _nothing(_box: Path) -> None:
@@ -131,6 +162,34 @@ def list_hidden() -> abc.Mapping[str, Hidden | None]:
             where=frozenset({"plate_1"}),
             change=partial(_change_forces, _shift),
             size=("_mm", 40.0, 12.0),
+        ),
+        "late": Hidden(
+            kind="force_delay",
+            where=frozenset({"forces"}),
+            change=partial(_change_forces, _delay),
+            size=("_s", 0.040, 0.010),
+        ),
+        "bias": Hidden(
+            kind="plate_bias",
+            where=frozenset({"plate_1"}),
+            change=partial(_change_forces, _add_bias),
+            size=("_N", 60.0, 15.0),
+        ),
+        "lean": Hidden(
+            kind="gravity_tilt",
+            where=frozenset({"world"}),
+            change=_lean,
+            size=("_deg", 3.0, 1.0),
+        ),
+        "moved_always": Hidden(
+            kind="marker_offset",
+            where=frozenset({"L_thigh3"}),
+            change=partial(
+                _change_markers,
+                (SQUAT, WALK),
+                partial(_stick, "L_thigh3", ("L_thigh1", "L_thigh2", "L_thigh4"), (0.030, 0.025, 0.0)),
+            ),
+            size=("_mm", 39.1, 10.0),
         ),
         "volume": Hidden(
             kind="capture_scale",

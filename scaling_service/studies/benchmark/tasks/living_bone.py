@@ -12,6 +12,7 @@ import yaml
 
 from scaling_service.files.sto import read_sto
 from scaling_service.studies.benchmark import parts
+from scaling_service.studies.benchmark.tasks._legs import write_subject
 from scaling_service.studies.benchmark.tasks.persons import INTERVAL
 
 JOINTS = {"femur": "hip", "tibia": "knee", "humerus": "shoulder"}
@@ -22,49 +23,67 @@ UNSOUND = ("knee_pins", "knee_pins_cutting", "knee_fluoroscopy")
 
 
 def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]:
-    """Every recording that is held out, of every sound set; the model is given and stays as it is."""
+    """Every sound set both ways: its recordings in two groups, of which either is held out.
+
+    Models are given, and need not stay as they are.
+    """
     cases = []
     for box in sorted(p.parent for p in (data / "living_bone").glob("*/subject.yaml")):
         if box.name in UNSOUND:
             continue
         subject = yaml.safe_load((box / "subject.yaml").read_text(encoding="utf-8"))
-        for trial in (Path(name).stem for name in subject["trials"]["evaluation"]):
-            name = f"{box.name}_{trial}"
-            asked = parts.copy_inputs([box / "model.osim", box / f"{trial}.trc"], folder / name)
-            files = asked / "model.osim", asked / f"{trial}.trc"
-            case = parts.Case(
-                name=name,
-                judge=partial(judge_bones, box, trial),
-                ours=partial(track_by_ours, *files),
-                opensim=partial(track_by_opensim, *files),
+        groups = [subject["trials"][role] for role in ("calibration", "evaluation")]
+        for way, (fitted, held) in {"": groups, "_exchanged": groups[::-1]}.items():
+            name = f"{box.name}{way}"
+            asked = parts.copy_inputs([box / file for file in ("model.osim", *fitted, *held)], folder / name)
+            write_subject(asked, {**subject, "trials": {"calibration": fitted, "evaluation": held}})
+            trials = [Path(file).stem for file in held]
+            cases.append(
+                parts.Case(
+                    name=name,
+                    judge=partial(judge_bones, box, trials),
+                    ours=partial(search_by_ours, asked, held),
+                    opensim=partial(track_by_opensim, asked, held),
+                )
             )
-            cases.append(case)
     return cases
 
 
-def track_by_ours(model: Path, recording: Path, answer: Path, run: parts.Run) -> None:
-    """Motion and its deviations, of a model that is given."""
-    written, trial = run(["ik", model, recording]), recording.stem
-    (written / f"{trial}_ik.mot").replace(answer / f"{trial}.mot")
-    (written / f"{trial}_ik_sd.mot").replace(answer / f"{trial}_sd.mot")
+def search_by_ours(asked: Path, held: abc.Sequence[str], answer: Path, run: parts.Run) -> None:
+    """What the search finds in the recordings to fit, and the motion of the others with its model."""
+    found = run(["discover", asked / "subject.yaml", "--start", "none", "--no-report"])
+    (found / "model.osim").replace(answer / "model.osim")
+    written = run(["ik", found / "model.json", *(asked / file for file in held)])
+    for trial in (Path(file).stem for file in held):
+        (written / f"{trial}_ik.mot").replace(answer / f"{trial}.mot")
+        (written / f"{trial}_ik_sd.mot").replace(answer / f"{trial}_sd.mot")
 
 
-def track_by_opensim(model: Path, recording: Path, answer: Path, _run: parts.Run) -> None:
-    """Motion by the inverse kinematics tool, all markers alike."""
-    parts.ask_opensim("track", model, recording=recording, output=answer / f"{recording.stem}.mot")
+def track_by_opensim(asked: Path, held: abc.Sequence[str], answer: Path, _run: parts.Run) -> None:
+    """Motion by the inverse kinematics tool, all markers alike; no tool of its asks the other recordings."""
+    for file in held:
+        motion = answer / f"{Path(file).stem}.mot"
+        parts.ask_opensim("track", asked / "model.osim", recording=asked / file, output=motion)
 
 
-def judge_bones(box: Path, trial: str, answer: Path, _opensim: Path) -> abc.Mapping[str, float]:
+def judge_bones(
+    box: Path, trials: abc.Sequence[str], answer: Path, _opensim: Path
+) -> abc.Mapping[str, float]:
     """Each bone's turn against the bone before it, and whether stated intervals hold the true angles."""
-    true = read_bones(box / f"{trial}_bones.csv")
-    traced = parts.trace_model(box / "model.osim", answer / f"{trial}.mot")
-    if len(traced.times) < min(map(len, true.values())):
-        raise parts.NoAnswer("the motion has fewer frames than the recording")
-    found = {"angle": measure_angle_error_deg(traced.turns, true)}
-    deviations = answer / f"{trial}_sd.mot"
-    if deviations.is_file():
-        found["held"] = 100.0 * measure_coverage(answer / f"{trial}.mot", deviations, true)
-    return found
+    own = answer / "model.osim"
+    angles, held = [], []
+    for trial in trials:
+        true = read_bones(box / f"{trial}_bones.csv")
+        model = own if own.is_file() else box / "model.osim"
+        traced = parts.trace_model(model, answer / f"{trial}.mot")
+        if len(traced.times) < min(map(len, true.values())):
+            raise parts.NoAnswer("the motion has fewer frames than the recording")
+        angles.append(measure_angle_error_deg(traced.turns, true))
+        deviations = answer / f"{trial}_sd.mot"
+        if deviations.is_file():
+            held.append(100.0 * measure_coverage(answer / f"{trial}.mot", deviations, true))
+    found = {"angle": parts.rms(np.array(angles))}
+    return found | ({"held": float(np.mean(held))} if held else {})
 
 
 def read_bones(file: Path) -> dict[str, parts.Array]:
@@ -116,8 +135,8 @@ def describe_task() -> parts.Task:
     return parts.Task(
         name="living_bone",
         title="Bones under skin markers, measured by pins and fluoroscopy",
-        truth="Cereatti et al. 2017: pins in bone, biplane fluoroscopy; recordings that no model was fitted "
-        "to",
+        truth="Cereatti et al. 2017: pins in bone, biplane fluoroscopy; recordings that no model was "
+        "fitted to",
         needs=("living_bone",),
         metrics=(parts.Metric(key="angle", title="joints' turns, deg"), parts.HELD),
         cases=make_cases,

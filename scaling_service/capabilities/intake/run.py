@@ -55,7 +55,7 @@ from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.text import list_few
 from scaling_service.documents.reading import check_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, GaitEventEntry
+from scaling_service.documents.subject import MODEL_SUFFIXES, Corrections, GaitEvents
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.table_files import ArrayFiles
@@ -236,13 +236,13 @@ class _Look:
     def _correct_labels(self, item: RecordingFile) -> RecordingFile:
         """A recording with the labels put right that the document says are wrong."""
         try:
-            wanted = TypeAdapter(list[Correction]).validate_python(
+            wanted = TypeAdapter(Corrections).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
             events = (self.known.get("events") or {}).get(item.file)
             if events is not None:
-                told = list_events(TypeAdapter(list[GaitEventEntry]).validate_python(events))
+                told = list_events(TypeAdapter(GaitEvents).validate_python(events))
                 item = replace(item, trial=replace(item.trial, events=told))
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item

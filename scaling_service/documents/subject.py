@@ -216,6 +216,13 @@ class GaitEventEntry(_Strict):
     time_s: float = Field(description="By the recording's clock.")
 
 
+Corrections = Annotated[list[Correction], Field(max_length=200)]
+"""Of one recording. Chosen: each copies the recording, and nobody makes so many by hand."""
+
+GaitEvents = Annotated[list[GaitEventEntry], Field(max_length=20_000)]
+"""Of one recording. Chosen: an hour of walking has 15,000."""
+
+
 class SubjectDocument(_Strict):
     """The whole subject document.
 
@@ -230,13 +237,13 @@ class SubjectDocument(_Strict):
     extra_markers: dict[Name, Name] = Field(default={}, description="Further labels, and their segments.")
     trials: Trials
     forces: dict[Name, Name] = Field(default={}, description="A trial's file name to its file of forces.")
-    corrections: dict[Name, list[Correction]] = Field(
+    corrections: dict[Name, Corrections] = Field(
         default={}, description="A trial's file name to labels that are wrong in it for a while."
     )
     mirrored: dict[Name, Literal["x", "y", "z"]] = Field(
         default={}, description="A trial's file name to the axis along which its markers are mirrored."
     )
-    events: dict[Name, list[GaitEventEntry]] = Field(
+    events: dict[Name, GaitEvents] = Field(
         default={},
         description="A trial's file name to its heel strikes and toe-offs, in place of the file's own.",
     )

@@ -69,6 +69,15 @@ def test_plates_tell_what_nobody_says() -> None:
     assert only.source == "document"
 
 
+def test_more_than_anybody_gives_is_refused() -> None:
+    document = {**BARE, "model": "lower_limb_14dof", "trials": {"static": "a.trc"}}
+    out = {"labels": {"RKNE": None}, "from_s": 0.0, "to_s": 1.0}
+    event = {"side": "r", "kind": "strike", "time_s": 0.5}
+    for more in ({"corrections": {"a.trc": [out] * 201}}, {"events": {"a.trc": [event] * 20_001}}):
+        with pytest.raises(InputError, match="at most"):
+            check_document({**document, **more})
+
+
 def test_events_of_no_recording_are_refused() -> None:
     event = {"side": "r", "kind": "strike", "time_s": 0.5}
     trials = {"trials": {"static": "a.trc"}, "events": {"b.trc": [event]}}

@@ -214,15 +214,13 @@ class _Look:
     def _correct_labels(self, item: intake_files.RecordingFile) -> intake_files.RecordingFile:
         """A recording with the labels put right that the document says are wrong."""
         try:
-            wanted = pydantic.TypeAdapter(list[subjects.Correction]).validate_python(
+            wanted = pydantic.TypeAdapter(subjects.Corrections).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
             events = (self.known.get("events") or {}).get(item.file)
             if events is not None:
-                told = reading.list_events(
-                    pydantic.TypeAdapter(list[subjects.GaitEventEntry]).validate_python(events)
-                )
+                told = reading.list_events(pydantic.TypeAdapter(subjects.GaitEvents).validate_python(events))
                 item = replace(item, trial=replace(item.trial, events=told))
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item

@@ -42,7 +42,7 @@ const cautionsOf = ({ effects }: DiscoveryDocument): string[] =>
   effects.flatMap(({ belief }) => belief?.cautions ?? []);
 
 const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
-  callout(spoken(document.headline), document.tone ?? "plain", ...more);
+  callout(spoken(document.headline, Object.keys(document.repairs)), document.tone ?? "plain", ...more);
 
 /** All that was found; steps after the first show only the summary above their own pictures. */
 function verdict(document: DiscoveryDocument, hidden: readonly string[], inReport: boolean): HTMLElement[] {
@@ -54,21 +54,21 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
-      told(effects.slice(0, MOST), 1),
-      effects.length > MOST && folded(`${effects.length - MOST} more`, told(effects.slice(MOST), MOST + 1)),
+      told(document, effects.slice(0, MOST), 1),
+      effects.length > MOST && folded(`${effects.length - MOST} more`, told(document, effects.slice(MOST), MOST + 1)),
       left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
-      law !== undefined && h("p", null, `Described best: ${spoken(law)}.`),
+      law !== undefined && h("p", null, `Described best: ${spoken(law, Object.keys(document.repairs))}.`),
     ),
-    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions.map(spoken))) : h("span"),
+    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
     hidden.length > 0 ? folded("What had been hidden in this virtual person", bullets(hidden)) : h("span"),
     bones(document),
-    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes.map(spoken))) : h("span"),
+    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
   ];
 }
 
 /** A line for each effect, counted from a number on. */
-export const told = (effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
-  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, spoken(name), share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
+export const told = ({ repairs }: DiscoveryDocument, effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
+  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, spoken(name, Object.keys(repairs)), share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
 
 /** How much of what did not fit an effect it takes off, as a bar. */
 function share(gain: number | null): HTMLElement | false {

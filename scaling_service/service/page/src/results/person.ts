@@ -59,12 +59,13 @@ export async function personChapters(id: string, newest: Newest, { gait_angles }
 
 function compared(document: ComparisonDocument, job: JobDocument, angles: Vocabulary["gait_angles"], signal: AbortSignal): HTMLElement[] {
   const { verdict, methods } = document;
+  const recordings = Object.keys(document.repairs);
   const method = verdict?.method ?? Object.keys(methods)[0] ?? "";
   const found = methods[method];
   const gait = found?.clinical ?? null;
   const read = gait !== null && Object.keys(gait.sides).length > 0;
   return [
-    chapter("Verdict", job, verdict !== null && callout(spoken(verdict.headline), verdict.tone ?? "plain", bullets(verdict.why.map(spoken))), verdict !== null && trust(verdict)),
+    chapter("Verdict", job, verdict !== null && callout(verdict.headline, verdict.tone ?? "plain", bullets(verdict.why.map((one) => spoken(one, recordings)))), verdict !== null && trust(verdict, recordings)),
     chapter("Sizes", job, found !== undefined && table({
       caption: `Segment lengths by ${method}, mm`,
       name: "person_lengths_mm",
@@ -77,12 +78,13 @@ function compared(document: ComparisonDocument, job: JobDocument, angles: Vocabu
 }
 
 const forces = (document: DynamicsDocument, job: JobDocument): HTMLElement =>
-  chapter("Forces", job, callout(sentence(document.headline), document.tone, h("p", null, spoken(document.verdict))), gates(document));
+  chapter("Forces", job, callout(sentence(document.headline), document.tone, h("p", null, spoken(document.verdict, Object.keys(document.repairs)))), gates(document));
 
 function search(document: DiscoveryDocument, job: JobDocument): HTMLElement {
+  const recordings = Object.keys(document.repairs);
   const next = [...new Set(document.effects.flatMap(({ would_separate }) => (would_separate === null ? [] : [would_separate])))];
-  return chapter("What the model lacks", job, callout(spoken(document.headline), document.tone, told(document.effects, 1)),
-    next.length > 0 && h("div", null, h("h3", null, "To record next"), bullets(next.map((one) => sentence(spoken(one))))));
+  return chapter("What the model lacks", job, callout(spoken(document.headline, recordings), document.tone, told(document, document.effects, 1)),
+    next.length > 0 && h("div", null, h("h3", null, "To record next"), bullets(next.map((one) => sentence(spoken(one, recordings))))));
 }
 
 /** Two sessions beside each other: lengths and, where both were walking, angles' distance from what is usual. */

@@ -11,7 +11,7 @@ import { residualCurves } from "./residualcurves.ts";
 export async function residuals(document: DynamicsDocument, job: string, signal: AbortSignal, place: HTMLElement): Promise<void> {
   const curves = await residualCurves(document, job, signal);
   if (signal.aborted) return;
-  place.append(callout(sentence(document.headline ?? ""), document.tone ?? "plain", h("p", null, spoken(document.verdict))), gates(document), curves, rms(document), uncertainty(document), loads(document));
+  place.append(callout(sentence(document.headline ?? ""), document.tone ?? "plain", h("p", null, spoken(document.verdict, Object.keys(document.repairs)))), gates(document), curves, rms(document), uncertainty(document), loads(document));
   const warnings = [...document.warnings, ...Object.values(document.trials).flatMap((trial) => trial.warnings)];
   if (warnings.length > 0) place.append(folded("Notes", bullets([...new Set(warnings)])));
 }

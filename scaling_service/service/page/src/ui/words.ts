@@ -51,11 +51,23 @@ export function words(name: string): string {
   return `${words(match[1] ?? "")}, ${match[2] === "r" ? "right" : "left"}`;
 }
 
-/** Names of coordinates, joints and segments within a sentence of the service, as people say them; those of files stay. */
-export function spoken(text: string): string {
-  return text.replaceAll("(inter hip)", "(between the hips)").replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b/g, (name) => {
-    const [stem = name, side] = words(name).split(", ");
-    return side === undefined ? stem.replace(/ t([xyz])$/, " moving along $1") : `${side} ${stem}`;
+const NUMBERS: Record<string, string> = { scale: "length", axis: "axis", centre: "centre" };
+
+/** A name with its side before it: "right knee angle". */
+function sided(name: string): string {
+  const [stem = name, side] = words(name).split(", ");
+  return side === undefined ? stem : `${side} ${stem}`;
+}
+
+/** Names of coordinates, joints and segments within a sentence of the service, as people say them.
+ *
+ * @param recordings names that stay, for a recording may be called like a joint.
+ */
+export function spoken(text: string, recordings: readonly string[] = []): string {
+  return text.replace(/\b(scale|axis|centre|marker)\.([^\s,;]+?)(?:\.([xyz]))?(?=[,;\s]|\.?$)/g, (_, group: string, place: string, axis: string | undefined) =>
+    `${group === "marker" ? `marker ${place}` : `${sided(place)} ${NUMBERS[group] ?? ""}`}${axis === undefined ? "" : ` (${axis})`}`).replaceAll("(inter hip)", "(between the hips)").replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b(?!\.\w)/g, (name) => {
+    if (recordings.includes(name)) return name;
+    return sided(name).replace(/ t([xyz])$/, " moving along $1");
   }).replace(/ along ([xyz]) of the room/g, " (seen along $1 of the room)").replace(/\bplate_(\d+)/g, "plate $1");
 }
 

@@ -28,5 +28,5 @@ export async function noteSection(subject: string, results: readonly string[], s
     h("div", { class: "actions" }, h("button", { onclick: () => void put({ text: text.value }) }, "Keep the notes"),
       h("span", { class: "field" }, h("label", { for: nameId }, "name"), name),
       h("button", { onclick: () => name.value.trim() === "" ? name.focus() : void put({ text: text.value, signed_by: name.value.trim(), results: [...results] }) }, "Sign notes and results")),
-    h("p", { class: "note" }, "Keeping changed notes takes a signature away."));
+    h("p", { class: "note unprinted" }, "Keeping changed notes takes a signature away."));
 }

@@ -36,6 +36,12 @@ def summarise(document: documents.CohortDocument) -> Summary:
     """What the cohort shows, what to beware of, the methods over subjects, and how every subject ended."""
     done = any(subject.status == "done" for subject in document.subjects)
     statistics = make_screen_tables(document.statistics) if done else ()
+    ends = []
+    for subject in document.subjects:
+        left_out = "; ".join(f"no {method}: {why}" for method, why in subject.left_out.items())
+        kept = "kept from an earlier run" if subject.kept else ""
+        why = "; ".join(text for text in (subject.reason, left_out, kept) if text)
+        ends.append(tables.Row(subject.id, [subject.status, why, ", ".join(subject.methods)]))
     return Summary(
         title="Scaling methods compared over a cohort",
         subtitle=document.cohort,
@@ -47,10 +53,7 @@ def summarise(document: documents.CohortDocument) -> Summary:
             tables.Table(
                 caption="How every subject ended",
                 columns=["", "status", "why", "methods"],
-                rows=[
-                    tables.Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)])
-                    for s in document.subjects
-                ],
+                rows=ends,
                 words=True,
             ),
         ],
@@ -155,9 +158,3 @@ def _format_curve_cells(curve: documents.CurveEntry) -> list[str]:
     p = format_p(curve.anova.p) if curve.anova.can_decide else "too few subjects to decide"
     said = pairs or "not asked, for the analysis of variance finds nothing"
     return [count, p, words.describe_spans(curve.anova.spans), said]
-
-
-def _describe_end(subject: documents.SubjectEntry) -> str:
-    left_out = "; ".join(f"no {method}: {why}" for method, why in subject.left_out.items())
-    kept = "kept from an earlier run" if subject.kept else ""
-    return "; ".join(text for text in (subject.reason, left_out, kept) if text)

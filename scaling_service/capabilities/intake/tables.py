@@ -96,6 +96,20 @@ def check_recording(
         plates, contacts = describe_plates(entries, ground_forces, trial, kinds)
         force = files.write(f"{item.file}.force", ground_forces.force, "N")
         pressure = files.write(f"{item.file}.pressure", ground_forces.centre_of_pressure(), "m")
+    labels = []
+    for k in range(len(trial.labels)):
+        shown = find_seen(trial.markers[:, k])
+        gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
+        longest = max((last - first + 1 for first, last in gaps), default=0)
+        labels.append(
+            documents.LabelEntry(
+                label=trial.labels[k],
+                seen=round(float(shown.mean()), 4),
+                gaps=gaps,
+                longest_gap_s=round(longest / trial.rate_hz, 4),
+                computed=is_computed(trial.labels[k]),
+            )
+        )
     entry = documents.RecordingProof(
         name=trial.name,
         file=item.file,
@@ -107,7 +121,7 @@ def check_recording(
         axes=intake_files.make_axes_entry(item.axes, *given),
         walked_m=round(distance, 3),
         direction=direction,
-        labels=[_label(trial, k) for k in range(len(trial.labels))],
+        labels=labels,
         markers=files.write(f"{item.file}.markers", trial.markers, "m"),
         plates=plates,
         events=list_events(trial, contacts, given=events_given),
@@ -177,19 +191,6 @@ def list_events(trial: Trial, contacts: Sequence[Contact], *, given: bool) -> li
     return sorted(found, key=lambda one: one.time_s)
 
 
-def _label(trial: Trial, column: int) -> documents.LabelEntry:
-    shown = find_seen(trial.markers[:, column])
-    gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
-    longest = max((last - first + 1 for first, last in gaps), default=0)
-    return documents.LabelEntry(
-        label=trial.labels[column],
-        seen=round(float(shown.mean()), 4),
-        gaps=gaps,
-        longest_gap_s=round(longest / trial.rate_hz, 4),
-        computed=is_computed(trial.labels[column]),
-    )
-
-
 def measure_walk(trial: Trial, axes: orientation.Orientation) -> float:
     """How far the markers' middle went over the floor from first to last frame, m."""
     return _walk(orientation.apply(axes, trial))[0]
@@ -248,12 +249,26 @@ def describe_plates(
             }
         offset = _measure_offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
         loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
-        own = _list_contacts(loaded, stands, trial) if feet else []
+        own: list[Contact] = []
+        if feet:
+            own = [
+                Contact(
+                    int(start),
+                    int(stop),
+                    tuple(side for side, on in stands.items() if on[start:stop].mean() > _BOTH),
+                )
+                for start, stop in find_runs(loaded)
+                if stop - start >= BRIEF_S * trial.rate_hz
+            ]
         contacts += own
+        said = []
+        for one in own:
+            who = " and ".join(_FEET[side] for side in one.who) or "nobody"
+            said.append(f"{who} {trial.times[one.start]:.2f}–{trial.times[one.stop - 1]:.2f} s")
         changes = {
             "kind": kinds[k] if k < len(kinds) else None,
             "centre_m": [round(float(v), 3) for v in place],
-            "loaded_by": [_describe_contact(one, trial) for one in own],
+            "loaded_by": said,
             "offset_N": offset,
         }
         described.append(entry.model_copy(update=changes))
@@ -275,25 +290,6 @@ def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray
         return np.asarray(over)
     speed = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate_hz
     return np.asarray(over & (speed < RESTS_M_S))
-
-
-def _list_contacts(
-    loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial
-) -> list[Contact]:
-    return [
-        Contact(
-            int(start),
-            int(stop),
-            tuple(side for side, on in stands.items() if on[start:stop].mean() > _BOTH),
-        )
-        for start, stop in find_runs(loaded)
-        if stop - start >= BRIEF_S * trial.rate_hz
-    ]
-
-
-def _describe_contact(contact: Contact, trial: Trial) -> str:
-    who = " and ".join(_FEET[side] for side in contact.who) or "nobody"
-    return f"{who} {trial.times[contact.start]:.2f}–{trial.times[contact.stop - 1]:.2f} s"
 
 
 def _measure_offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:

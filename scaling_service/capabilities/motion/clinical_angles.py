@@ -84,10 +84,11 @@ def find_clinical_landmarks(model: body.BodyModel) -> dict[str, body.Marker]:
         places |= _place_beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
         places |= _place_knee_axis(places, letter, lengths.find_segment(model, "tibia", letter.lower()))
         places |= _place_foot_line(places, letter)
-    return {
-        name: body.Marker.at(name, segment, _to_local(frames[segment], point))
-        for name, (segment, point) in places.items()
-    }
+    placed = {}
+    for name, (segment, point) in places.items():
+        rotation, origin = frames[segment]
+        placed[name] = body.Marker.at(name, segment, body.to_vector(rotation.T @ (point - origin)))
+    return placed
 
 
 def track_landmarks(
@@ -134,11 +135,6 @@ def _is_landmark(label: str, landmark: str) -> bool:
     return plain == landmark or (
         landmark[1:] == "TOE" and landmark[0] == plain[:1] and bool(_TOES.fullmatch(plain))
     )
-
-
-def _to_local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
-    rotation, origin = frame
-    return body.to_vector(rotation.T @ (point - origin))
 
 
 def _place_beside(

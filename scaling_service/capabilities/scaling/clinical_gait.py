@@ -237,7 +237,14 @@ def write_clinical(folder: Path, gait: ClinicalGait) -> None:
         saving.write_clinical_angles(folder, angles)
     if gait.cycles:
         heads = ["trial", "side", "start_s", "end_s", "cycle_pct", *(f"{name}_deg" for name in frames.ANGLES)]
-        found = [row for cycles in gait.cycles.values() for row in _list_cycle_rows(cycles)]
+        found: list[list[str]] = []
+        for cycles in gait.cycles.values():
+            unknown = np.full((len(cycles.cycles), NODES), np.nan)
+            table = np.degrees(np.stack([cycles.values.get(n, unknown) for n in frames.ANGLES], axis=2))
+            for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
+                begin = [trial, cycles.side, f"{start:.4f}", f"{end:.4f}"]
+                numbers = enumerate(saving.format_numbers(rows))
+                found.extend([*begin, str(percent), *row] for percent, row in numbers)
         saving.write_numbers(folder / CYCLES_TABLE, heads, found)
 
 
@@ -276,14 +283,6 @@ def _summarise_curve(values: Array) -> results.ClinicalCurve:
     return results.ClinicalCurve(
         mean_deg=known.mean(axis=0).round(3).tolist(), sd_deg=sd, n_cycles=len(known)
     )
-
-
-def _list_cycle_rows(cycles: clinical_angles.ClinicalCycles) -> abc.Iterable[list[str]]:
-    unknown = np.full((len(cycles.cycles), NODES), np.nan)
-    table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in frames.ANGLES], axis=2))
-    for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
-        for percent, row in enumerate(saving.format_numbers(rows)):
-            yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *row]
 
 
 def _to_degrees(angle: float) -> float:

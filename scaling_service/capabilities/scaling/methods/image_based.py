@@ -127,14 +127,11 @@ def _with_leg(model: BodyModel, leg: _Leg, side: str) -> BodyModel:
     return model if leg.ankle is None else move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
-def _with_hips(model: BodyModel, evidence: ImageEvidence, pelvis: Frames) -> BodyModel:
-    """Both hips where the image shows them in the pelvis; one that it does not show is the other's mirror."""
-    for side, other in ("rl", "lr"):
+def _with_hips(model: BodyModel, pelvis: PelvisFit) -> BodyModel:
+    """Both hips where the image shows them in the pelvis."""
+    for side, at in pelvis.hips.items():
         if f"femur_{side}" in model.segment_names:
-            own = f"hip_{side}" in evidence.centres
-            at = evidence.centres[f"hip_{side if own else other}"]
-            x, y, z = _to_vector(pelvis.to_local(at)[0])
-            model = with_centre(model, f"femur_{side}", (x, y, z if own else -z))
+            model = with_centre(model, f"femur_{side}", _to_vector(pelvis.image.to_local(at)[0]))
     return model
 
 
@@ -166,8 +163,8 @@ def _bring_onto_bones(
     sides = parts.thighs
     names = {s: tuple(find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
     found = Registration(start.model)
-    if parts.pelvis is not None and pelvis is not None:
-        register_pelvis(found, evidence, parts.pelvis, pelvis)
+    if pelvis is not None:
+        register_pelvis(found, pelvis)
     for side in sides:
         register_leg(found, evidence, side, _find_rightward(evidence, side))
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
@@ -307,9 +304,9 @@ def _scale(
         return replace(onto, warnings=(*onto.warnings, *doubts))
     model, notes = base.model, [*base.warnings]
     frames: dict[str, Frames] = {}
-    if parts.pelvis is not None and pelvis is not None:
-        frames["pelvis"] = parts.pelvis
-        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), evidence, parts.pelvis)
+    if pelvis is not None:
+        frames["pelvis"] = pelvis.image
+        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), pelvis)
     tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     for side in sides:
         leg = _measure_leg(evidence, side)

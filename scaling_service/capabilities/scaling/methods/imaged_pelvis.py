@@ -38,6 +38,10 @@ class PelvisFit:
     factors: Vector
     deviations: Vector  # standard deviations of the factors, relative
     pose: ImagePose
+    image: Frames  # of the image's spines
+    hips: Mapping[
+        str, Array
+    ]  # side to its centre in the image, (3,) m; one that is not seen is a mirror image
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,7 +64,7 @@ def fit_pelvis(
 
     Where no spine is marked on the model the prior gives the pitch, and hips the rest.
     """
-    hips, seen = place_hips(model, pelvis), find_imaged_hips(evidence, image)
+    hips, seen = place_hips(model, pelvis), _find_imaged_hips(evidence, image)
     pairs = _pair_points(model, pelvis, evidence, hips, seen)
     start = (
         _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
@@ -86,10 +90,12 @@ def fit_pelvis(
         factors=to_vector(factors),
         deviations=to_vector(np.sqrt(np.diag(covariance)[6:])),
         pose=ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
+        image=image,
+        hips=seen,
     )
 
 
-def find_imaged_hips(evidence: ImageEvidence, image: Frames) -> dict[str, Array]:
+def _find_imaged_hips(evidence: ImageEvidence, image: Frames) -> dict[str, Array]:
     """Both hip centres in the image, (3,) m; of half a pelvis the other is its mirror image."""
     seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
     for side, other in ("rl", "lr"):

@@ -17,14 +17,12 @@ from scipy.optimize import minimize_scalar
 
 from scaling_service.capabilities.scaling.methods.imaged_pelvis import (
     PelvisFit,
-    find_imaged_hips,
     place_hips,
     refuse_without_joint,
 )
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.frames import Frames
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
 from scaling_service.model.poses import Frame, follow
@@ -143,18 +141,18 @@ def find_axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
     return axis
 
 
-def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames, fit: PelvisFit) -> None:
+def register_pelvis(found: Registration, fit: PelvisFit) -> None:
     """Size the pelvis along each of its axes, lay it by spines and hips, and move its hips to the image's."""
     name = find_segment(found.model, "pelvis", "")
     assert name is not None
     found.resize({name: fit.factors})
     pose = found.poses[name] = fit.pose
-    ours, seen = place_hips(found.model, name), find_imaged_hips(evidence, image)
+    ours = place_hips(found.model, name)
     for side in "rl":
         femur = find_segment(found.model, "femur", side)
         if femur is not None:
             first, *_ = list_chain(found.model, name, femur)
-            found.shift(first, pose.to_local(seen[side]) - ours[side])
+            found.shift(first, pose.to_local(fit.hips[side]) - ours[side])
 
 
 def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:

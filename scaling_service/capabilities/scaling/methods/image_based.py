@@ -14,24 +14,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods import (
-    image_points,
-    imaged_pelvis,
-    osim_image_based,
-    people_prior,
-    placement,
-)
 from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
-from scaling_service.capabilities.scaling.sizes import sizing
+from scaling_service.capabilities.scaling.methods import image_points
+from scaling_service.capabilities.scaling.methods.imaged_pelvis import PelvisFit, fit_pelvis
+from scaling_service.capabilities.scaling.methods import osim_image_based
+from scaling_service.capabilities.scaling.methods import people_prior
+from scaling_service.capabilities.scaling.methods import placement
+from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import list_few
-from scaling_service.model import body, parameters, results, trial
-from scaling_service.model.anatomy import lengths
 from scaling_service.model.anatomy.frames import Frames, build_femur_frame
+from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
+from scaling_service.model import body
+from scaling_service.model import parameters
 from scaling_service.model.people import read_people
+from scaling_service.model import results
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
+from scaling_service.model import trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
@@ -98,32 +99,29 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt
 def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:
     """The model with a leg's centres and knee axis; without a foot its ankle is a landmark."""
     model = placement.with_centre(model, f"tibia_{side}", leg.knee)
-    foot = lengths.find_segment(model, "foot", side)
+    foot = find_segment(model, "foot", side)
     if foot is not None and leg.ankle is not None:
         model = placement.with_centre(model, foot, leg.ankle)
     model = placement.with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
     return model if leg.ankle is None else placement.move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
-def _with_hips(model: body.BodyModel, evidence: trial.ImageEvidence, pelvis: Frames) -> body.BodyModel:
-    """Both hips where the image shows them in the pelvis; one that it does not show is the other's mirror."""
-    for side, other in ("rl", "lr"):
+def _with_hips(model: body.BodyModel, pelvis: PelvisFit) -> body.BodyModel:
+    """Both hips where the image shows them in the pelvis."""
+    for side, at in pelvis.hips.items():
         if f"femur_{side}" in model.segment_names:
-            own = f"hip_{side}" in evidence.centres
-            at = evidence.centres[f"hip_{side if own else other}"]
-            x, y, z = _to_vector(pelvis.to_local(at)[0])
-            model = placement.with_centre(model, f"femur_{side}", (x, y, z if own else -z))
+            model = placement.with_centre(model, f"femur_{side}", _to_vector(pelvis.image.to_local(at)[0]))
     return model
 
 
-def _fit_pelvis(session: Session, start: results.Calibration, image: Frames) -> imaged_pelvis.PelvisFit:
+def _fit_pelvis(session: Session, start: results.Calibration, image: Frames) -> PelvisFit:
     """The start's pelvis against the image's; people's widths and depths say how directions differ."""
     assert session.images is not None
-    name = str(lengths.find_segment(start.model, "pelvis", ""))
-    expected, size = sizing.expect_dimensions(session.subject), start.sizes.get(name)
+    name = str(find_segment(start.model, "pelvis", ""))
+    expected, size = expect_dimensions(session.subject), start.sizes.get(name)
     rows = [expected.names.index(dimension) for dimension in ("pelvis_width", "pelvis_depth")]
     ratio = np.array([1.0, -1.0]) @ expected.covariance[np.ix_(rows, rows)] @ np.array([1.0, -1.0])
-    return imaged_pelvis.fit_pelvis(
+    return fit_pelvis(
         start.model,
         name,
         session.images,
@@ -138,16 +136,14 @@ def _bring_onto_bones(
     evidence: trial.ImageEvidence,
     parts: image_points.ImagedParts,
     standing: trial.Trial | None,
-    pelvis: imaged_pelvis.PelvisFit | None,
+    pelvis: PelvisFit | None,
 ) -> results.Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
     sides = parts.thighs
-    names = {
-        s: tuple(lengths.find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"
-    }
+    names = {s: tuple(find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
     found = osim_image_based.Registration(start.model)
-    if parts.pelvis is not None and pelvis is not None:
-        osim_image_based.register_pelvis(found, evidence, parts.pelvis, pelvis)
+    if pelvis is not None:
+        osim_image_based.register_pelvis(found, pelvis)
     for side in sides:
         osim_image_based.register_leg(found, evidence, side, _find_rightward(evidence, side))
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
@@ -243,10 +239,10 @@ def _list_osim_notes(
 
 
 def _list_factors(
-    start: results.Calibration, model: body.BodyModel, pelvis: imaged_pelvis.PelvisFit | None
+    start: results.Calibration, model: body.BodyModel, pelvis: PelvisFit | None
 ) -> dict[str, body.Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
-    generic, now = lengths.measure_segment_lengths(start.generic), lengths.measure_segment_lengths(model)
+    generic, now = measure_segment_lengths(start.generic), measure_segment_lengths(model)
     factors = dict(start.scale_factors)
     if pelvis is not None:
         factors["pelvis"] = body.to_vector(
@@ -300,9 +296,9 @@ def _scale(
         return replace(onto, warnings=(*onto.warnings, *doubts))
     model, notes = base.model, [*base.warnings]
     frames: dict[str, Frames] = {}
-    if parts.pelvis is not None and pelvis is not None:
-        frames["pelvis"] = parts.pelvis
-        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), evidence, parts.pelvis)
+    if pelvis is not None:
+        frames["pelvis"] = pelvis.image
+        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), pelvis)
     tilts: dict[str, parameters.Tilt] = (
         dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     )
@@ -353,10 +349,10 @@ def _state_deviations(found: results.Calibration, evidence: trial.ImageEvidence)
     sds = people_prior.measure_imaged(imaged, people)
     sizes = dict(found.sizes)
     for segment in found.bone_sized:
-        dimension = sizing.find_dimension(found.model.bone_of(segment))
+        dimension = find_dimension(found.model.bone_of(segment))
         if dimension in sds:
             length, sd = sds[dimension]
-            factor = length / lengths.measure_segment_lengths(found.generic)[dimension]
+            factor = length / measure_segment_lengths(found.generic)[dimension]
             sizes[segment] = results.SegmentSize(
                 dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
             )
@@ -406,3 +402,6 @@ class ImageBased:
         found = _state_deviations(_scale(session, settings, start, evidence), evidence)
         warnings = (*found.warnings, *doubts)
         return replace(found, warnings=warnings, wall_s=time.perf_counter() - clock)
+
+
+EB = ImageBased()

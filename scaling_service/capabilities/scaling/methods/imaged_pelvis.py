@@ -17,11 +17,12 @@ from scipy.optimize import least_squares
 
 from scaling_service.capabilities.scaling.methods.image_points import find_imaged_spines
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model import body, trial
-from scaling_service.model import people as peoples
-from scaling_service.model.anatomy import frames
+from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.anatomy.lengths import find_joint_ends
+from scaling_service.model import body
+from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
+from scaling_service.model.trial import ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
@@ -36,7 +37,11 @@ class PelvisFit:
 
     factors: body.Vector
     deviations: body.Vector  # standard deviations of the factors, relative
-    pose: trial.ImagePose
+    pose: ImagePose
+    image: Frames  # of the image's spines
+    hips: Mapping[
+        str, Array
+    ]  # side to its centre in the image, (3,) m; one that is not seen is a mirror image
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -51,8 +56,8 @@ class _Pairs:
 def fit_pelvis(
     model: body.BodyModel,
     pelvis: str,
-    evidence: trial.ImageEvidence,
-    image: frames.Frames,
+    evidence: ImageEvidence,
+    image: Frames,
     *,
     size_sd: float,
     shape_sd: float,
@@ -65,7 +70,7 @@ def fit_pelvis(
 
     Where no spine is marked on the model the prior gives the pitch, and hips the rest.
     """
-    hips, seen = place_hips(model, pelvis), find_imaged_hips(evidence, image)
+    hips, seen = place_hips(model, pelvis), _find_imaged_hips(evidence, image)
     pairs = _pair_points(model, pelvis, evidence, hips, seen)
     start = (
         _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
@@ -90,11 +95,13 @@ def fit_pelvis(
     return PelvisFit(
         factors=body.to_vector(factors),
         deviations=body.to_vector(np.sqrt(np.diag(covariance)[6:])),
-        pose=trial.ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
+        pose=ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
+        image=image,
+        hips=seen,
     )
 
 
-def find_imaged_hips(evidence: trial.ImageEvidence, image: frames.Frames) -> dict[str, Array]:
+def _find_imaged_hips(evidence: ImageEvidence, image: Frames) -> dict[str, Array]:
     """Both hip centres in the image, (3,) m; of half a pelvis the other is its mirror image."""
     seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
     for side, other in ("rl", "lr"):
@@ -126,11 +133,11 @@ def refuse_without_joint(joint: str, segment: str) -> SubjectInvalid:
 def _pair_points(
     model: body.BodyModel,
     pelvis: str,
-    evidence: trial.ImageEvidence,
+    evidence: ImageEvidence,
     hips: Mapping[str, Array],
     seen: Mapping[str, Array],
 ) -> _Pairs:
-    people, marked = peoples.read_people(), _find_marked_spines(model, pelvis)
+    people, marked = read_people(), _find_marked_spines(model, pelvis)
     shown, bony = find_imaged_spines(evidence)
     spines = {**shown, "SACR": (shown["RPSIS"] + shown["LPSIS"]) / 2.0}
     ours, theirs, blocks = [], [], []
@@ -153,7 +160,7 @@ def _pair_points(
     return _Pairs(model=np.array(ours), image=np.array(theirs), covariance=block_diag(*blocks, both))
 
 
-def _measure_variance(name: str, evidence: trial.ImageEvidence, people: peoples.People, bony: bool) -> Array:
+def _measure_variance(name: str, evidence: ImageEvidence, people: People, bony: bool) -> Array:
     """Of a spine's place by palpation and by the image, (3,), m2."""
     landmark = name if name == "SACR" else name[1:]
     by_image = evidence.deviations.get(name, 0.0) ** 2 / 3.0 if bony else people.image_marker**2
@@ -177,7 +184,7 @@ def _find_model_forward(model: body.BodyModel, pelvis: str) -> Array:
     if not {"RASIS", "LASIS"} <= marks.keys() or not back:
         return np.array([1.0, 0.0, 0.0])
     middle = np.mean(back, axis=0)
-    return frames.build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
+    return build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
 
 
 def _make_axes(z: Array, forward: Array) -> Array:

@@ -18,15 +18,15 @@ from scipy.optimize import minimize_scalar
 from scaling_service.capabilities.scaling.methods import imaged_pelvis
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model import body, trial
-from scaling_service.model import poses as posing
-from scaling_service.model.anatomy import lengths as anatomy_lengths
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.frames import Frames
+from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
+from scaling_service.model import body
+from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model
-from scaling_service.numerics.multibody import rigid
+from scaling_service.model.trial import ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 
 MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
@@ -38,7 +38,7 @@ class Registration:
     model: body.BodyModel
     # ratios: segment to its sizes over the model's before; poses: segment to where it lies in the image
     ratios: dict[str, body.Vector] = field(default_factory=dict)
-    poses: dict[str, trial.ImagePose] = field(default_factory=dict)
+    poses: dict[str, ImagePose] = field(default_factory=dict)
     moves: dict[str, JointMove] = field(default_factory=dict)
 
     def resize(self, ratios: Mapping[str, body.Vector]) -> None:
@@ -67,7 +67,7 @@ class Registration:
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        rotation = rigid.convert_vector_to_rotation(turn)
+        rotation = convert_vector_to_rotation(turn)
         about = body.Joint("rotation", body.to_vector(turn / angle), body.Law.constant(angle))
         shift = pivot - rotation @ pivot
         joints = (*segment.joints, *_make_shifts(shift), about)
@@ -78,7 +78,7 @@ class Registration:
 
         ``by``: (3,). ``values``: coordinate to its value, rad or m.
         """
-        back = -posing.follow(segment.joints, values)[0].T @ by
+        back = -follow(segment.joints, values)[0].T @ by
         joints = (*_make_shifts(by), *segment.joints, *_make_shifts(back))
         self._rejoint(segment, joints, shift=body.to_vector(by), child_shift=body.to_vector(back))
 
@@ -88,7 +88,7 @@ class Registration:
         ``onto``: (3,), in the parent's frame.
         """
         first, last = find_turning_joints(segment)
-        rotation, _ = posing.follow(segment.joints[:first], values)
+        rotation, _ = follow(segment.joints[:first], values)
         turn = rotation.T @ _turn_onto(find_axis_in_parent(segment, values), onto)
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
@@ -133,28 +133,26 @@ def find_turning_joints(segment: body.Segment) -> tuple[int, int]:
 def find_axis_in_parent(segment: body.Segment, values: Mapping[str, float]) -> Array:
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
     first, _ = find_turning_joints(segment)
-    rotation, _ = posing.follow(segment.joints[:first], values)
+    rotation, _ = follow(segment.joints[:first], values)
     axis: Array = rotation @ np.array(segment.joints[first].axis)
     return axis
 
 
-def register_pelvis(
-    found: Registration, evidence: trial.ImageEvidence, image: Frames, fit: imaged_pelvis.PelvisFit
-) -> None:
+def register_pelvis(found: Registration, fit: imaged_pelvis.PelvisFit) -> None:
     """Size the pelvis along each of its axes, lay it by spines and hips, and move its hips to the image's."""
-    name = anatomy_lengths.find_segment(found.model, "pelvis", "")
+    name = find_segment(found.model, "pelvis", "")
     assert name is not None
     found.resize({name: fit.factors})
     pose = found.poses[name] = fit.pose
-    ours, seen = imaged_pelvis.place_hips(found.model, name), imaged_pelvis.find_imaged_hips(evidence, image)
+    ours = imaged_pelvis.place_hips(found.model, name)
     for side in "rl":
-        femur = anatomy_lengths.find_segment(found.model, "femur", side)
+        femur = find_segment(found.model, "femur", side)
         if femur is not None:
-            first, *_ = anatomy_lengths.list_chain(found.model, name, femur)
-            found.shift(first, pose.to_local(seen[side]) - ours[side])
+            first, *_ = list_chain(found.model, name, femur)
+            found.shift(first, pose.to_local(fit.hips[side]) - ours[side])
 
 
-def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, lateral: Array) -> None:
+def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
     """Size a thigh and a shank, lay them into the image, and move knee axis and ankle to what it shows.
 
     Where the ankle was not imaged the shank stays as it is.
@@ -166,7 +164,7 @@ def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, 
         for joint in ("hip", "knee", "ankle")
         if f"{joint}_{side}" in evidence.centres
     }
-    femur, tibia = (str(anatomy_lengths.find_segment(found.model, role, side)) for role in ("femur", "tibia"))
+    femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
     lengths = {femur: float(np.linalg.norm(centres["hip"] - centres["knee"]))}
     if "ankle" in centres:
         lengths[tibia] = float(np.linalg.norm(centres["knee"] - centres["ankle"]))
@@ -174,10 +172,10 @@ def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, 
     ratios = {n: length / float(np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()}
     found.resize({name: (ratio,) * 3 for name, ratio in ratios.items()})
     ends = _find_leg_ends(found.model, femur, tibia, side)
-    values = anatomy_lengths.straighten(found.model)
+    values = straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
     flexion = lateral if axis is None else np.array(axis) * np.sign(np.array(axis) @ lateral)
-    knee, carried = _find_turning_in(anatomy_lengths.list_chain(found.model, femur, tibia), values)
+    knee, carried = _find_turning_in(list_chain(found.model, femur, tibia), values)
     model_axis = carried @ find_axis_in_parent(knee, values)
     rightward = model_axis * np.sign(model_axis[2])
     hip_at, knee_at = ends[femur]
@@ -185,7 +183,7 @@ def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, 
         _make_axes_along(centres["hip"] - centres["knee"], flexion)
         @ _make_axes_along(hip_at - knee_at, rightward).T
     )
-    thigh = trial.ImagePose(rotation, centres["hip"] - rotation @ hip_at)
+    thigh = ImagePose(rotation, centres["hip"] - rotation @ hip_at)
     found.poses[femur] = thigh
     onto = carried.T @ rotation.T @ flexion
     found.turn(knee, onto / np.linalg.norm(onto) * np.sign(model_axis[2]), values)
@@ -198,9 +196,7 @@ def _find_leg_ends(
     model: body.BodyModel, femur: str, tibia: str, side: str
 ) -> dict[str, tuple[Array, Array]]:
     """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
-    hip, knee, ankle = (
-        anatomy_lengths.find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle")
-    )
+    hip, knee, ankle = (find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
     for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
         if segment not in ends:
             raise imaged_pelvis.refuse_without_joint(joint, segment)
@@ -211,7 +207,7 @@ def _register_shank(
     found: Registration,
     femur: str,
     tibia: str,
-    thigh: trial.ImagePose,
+    thigh: ImagePose,
     ankle: Array,
     ends: tuple[Array, Array],
 ) -> None:
@@ -223,16 +219,16 @@ def _register_shank(
     ``ends``: centres of knee and ankle in the shank's frame.
     """
     knee_at, ankle_at = ends
-    chain = anatomy_lengths.list_chain(found.model, femur, tibia)
-    values = anatomy_lengths.straighten(found.model)
+    chain = list_chain(found.model, femur, tibia)
+    values = straighten(found.model)
     knee, _ = _find_turning_in(chain, values)
     terms = knee.joints[find_turning_joints(knee)[0]].law.terms
     coordinate = next(t.coordinate for t in terms if t.coordinate is not None)
     joints = [j for s in chain for j in s.joints]
     target = thigh.to_local(ankle)
 
-    def place(angle: float) -> posing.Frame:
-        return posing.follow(joints, {**values, coordinate: angle})
+    def place(angle: float) -> Frame:
+        return follow(joints, {**values, coordinate: angle})
 
     def measure_gap(angle: float) -> float:
         turn, origin = place(angle)
@@ -252,32 +248,28 @@ def _register_shank(
     turn, origin = place(angle)
     ours, theirs = ankle_at - knee_at, turn.T @ (target - origin) - knee_at
     found.turn_child(found.model.segment(tibia), _turn_onto(ours, theirs), knee_at)
-    joints = [j for s in anatomy_lengths.list_chain(found.model, femur, tibia) for j in s.joints]
+    joints = [j for s in list_chain(found.model, femur, tibia) for j in s.joints]
     turn, origin = place(angle)
     found.poses[tibia] = thigh.carry((turn, origin))
 
 
-def _move_ankle(
-    found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str, ankle: Array
-) -> None:
+def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: str, ankle: Array) -> None:
     """The ankle's centre where the image shows it, and its axis where the talus was imaged."""
-    foot = anatomy_lengths.find_segment(found.model, "foot", side)
+    foot = find_segment(found.model, "foot", side)
     if foot is None:
         return
-    pose, chain = found.poses[tibia], anatomy_lengths.list_chain(found.model, tibia, foot)
-    found.shift(
-        chain[0], pose.to_local(ankle) - anatomy_lengths.find_joint_ends(found.model, "ankle", side)[tibia]
-    )
+    pose, chain = found.poses[tibia], list_chain(found.model, tibia, foot)
+    found.shift(chain[0], pose.to_local(ankle) - find_joint_ends(found.model, "ankle", side)[tibia])
     axis = evidence.axes.get(f"ankle_{side}")
     if axis is not None:
-        values = anatomy_lengths.straighten(found.model)
-        joint, carried = _find_turning_in(anatomy_lengths.list_chain(found.model, tibia, foot), values)
+        values = straighten(found.model)
+        joint, carried = _find_turning_in(list_chain(found.model, tibia, foot), values)
         onto = carried.T @ pose.rotation.T @ np.array(axis)
         found.turn(joint, onto * np.sign(onto @ find_axis_in_parent(joint, values)), values)
         _register_subtalar(found, evidence, tibia, side)
 
 
-def _register_subtalar(found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str) -> None:
+def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str, side: str) -> None:
     """The subtalar axis where the talus shows it; the foot stays where it is in the neutral pose.
 
     The talus is laid by the ankle's centre and axis and bent until the model's subtalar axis comes nearest to
@@ -287,25 +279,23 @@ def _register_subtalar(found: Registration, evidence: trial.ImageEvidence, tibia
     talus, calcn = (find_body(found.model, f"{bone}_{side}") for bone in ("talus", "calcn"))
     if name not in evidence.axes or talus is None or calcn is None:
         return
-    values = anatomy_lengths.straighten(found.model)
-    chain = anatomy_lengths.list_chain(found.model, talus, calcn)
+    values = straighten(found.model)
+    chain = list_chain(found.model, talus, calcn)
     if not any(j.turns for s in chain for j in s.joints):
         return
     joint, carried = _find_turning_in(chain, values)
     ankle, onto = np.array(evidence.centres[f"ankle_{side}"]), np.array(evidence.axes[name])
     hinge = np.array(evidence.axes[f"ankle_{side}"])
-    before = posing.follow(
-        [j for s in anatomy_lengths.list_chain(found.model, tibia, talus) for j in s.joints], values
-    )
+    before = follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
     pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
-    bend = rigid.rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
-    placed = trial.ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
+    bend = rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
+    placed = ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
     found.poses[talus] = placed
     first, _ = find_turning_joints(joint)
     upto = [j for s in chain[: chain.index(joint)] for j in s.joints]
-    centre = posing.follow([*upto, *joint.joints[:first]], values)[1]
+    centre = follow([*upto, *joint.joints[:first]], values)[1]
     axis = placed.rotation.T @ theirs
     off = placed.to_local(np.array(evidence.centres[name])) - centre
     found.move_axis(joint, carried.T @ (off - (off @ axis) * axis), values)
@@ -322,10 +312,10 @@ def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> 
     before: list[body.Joint] = []
     for segment in chain:
         if any(j.turns for j in segment.joints):
-            return segment, posing.follow(before, values)[0]
+            return segment, follow(before, values)[0]
         before += segment.joints
     find_turning_joints(chain[-1])
-    return chain[-1], posing.follow(before, values)[0]
+    return chain[-1], follow(before, values)[0]
 
 
 def mirror_knee(found: Registration, imaged: str, other: str) -> None:
@@ -333,12 +323,12 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
 
     ``imaged``, ``other``: their shanks.
     """
-    values = anatomy_lengths.straighten(found.model)
+    values = straighten(found.model)
     ours, theirs = (found.model.segment(name) for name in (imaged, other))
     first, _ = find_turning_joints(ours)
     move = found.moves.get(ours.joint_name, JointMove())
     # What is wanted is the axis as it stands now, seen in a mirror: an axis has no sign of its own.
-    now = posing.follow(ours.joints[:first], values)[0] @ np.array(move.turn)
+    now = follow(ours.joints[:first], values)[0] @ np.array(move.turn)
     angle = float(np.linalg.norm(now))
     if angle == 0.0:
         return

@@ -69,9 +69,8 @@ def test_a_marker_is_left_out_where_it_is_clicked(visit: Visit, url: str, tmp_pa
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/space?trial=gait_1")
     name = visitor.page.get_by_role("button", name="RLFE", exact=True)
-    row = visitor.page.get_by_role("row").filter(has=name)
     name.click()
-    assert "lit" in (row.get_attribute("class") or "")
+    visitor.page.locator("tr.lit", has=name).wait_for()
     form = visitor.page.get_by_role("form", name="Put V:RKNE right")
     form.get_by_label("from, s").fill("0.5")
     form.get_by_label("to, s").fill("0.9")
@@ -102,6 +101,7 @@ def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, tmp_path:
     visitor.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
     visitor.page.mouse.move(box["x"] + box["width"] / 2 + 2, box["y"] + 40)
     visitor.sees("Pointed at: ")
+    visitor.page.wait_for_timeout(300)  # the table follows ten times a second
     said = visitor.page.locator(".status", has_text="Pointed at: ").inner_text()
     marker, value = said.removeprefix("Pointed at: ").split(" mm")[0].split(", ")
     assert int(visitor.page.get_by_label("Frame", exact=True).input_value()) > 0

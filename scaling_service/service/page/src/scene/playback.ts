@@ -53,6 +53,9 @@ function farthest(labels: readonly string[], errors: Float32Array | null): strin
   return found;
 }
 
+/** Chosen: people read no faster. */
+const LIGHT_MS = 100;
+
 /** Scroll a row into what is seen of its table, and nothing else. */
 function show(row: HTMLElement | null): void {
   const seen = row?.closest(".table");
@@ -131,6 +134,9 @@ export class Playback {
   }
 
   private noting = 0;
+  /** Brings the table up to date; not with every picture, which it would hold up. */
+  private light: () => void = () => undefined;
+  private lighting = 0;
 
   private choose(marker: string | null): void {
     this.marker = marker;
@@ -150,12 +156,16 @@ export class Playback {
     const { labels } = this.options.trial;
     const marker = this.pointed ?? this.marker ?? farthest(labels, errors);
     this.theatre?.pick(marker);
-    this.rows.forEach(({ head, now }, label) => {
+    this.light = () => this.rows.forEach(({ head, now }, label) => {
       now.textContent = number(errors?.[labels.indexOf(label)]);
       const row = head.closest("tr");
       row?.classList.toggle("lit", label === marker);
       if (label === marker && this.marker === null) show(row);
     });
+    if (this.lighting === 0) this.lighting = window.setTimeout(() => {
+      this.lighting = 0;
+      this.light();
+    }, LIGHT_MS);
     const error = marker === null ? undefined : errors?.[labels.indexOf(marker)];
     const away = error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${quoted(this.method)}`;
     this.status.textContent = this.marker === null || marker !== this.marker ? "" : `${marker}: ${away}`;

@@ -55,7 +55,7 @@ Write = Callable[[tuple[Hidden, ...], Path], Path]
 
 
 def find_range(effect: Effect, draw: Callable[[float], Hidden], write: Write) -> tuple[float, float] | None:
-    """Sizes from twice to four times the smallest nameable; None where nobody meets twice.
+    """Sizes from twice to four times the smallest nameable, as far as they are met; None where twice is not.
 
     ``draw``: the same thing, that large.
     """
@@ -95,7 +95,6 @@ def _solve(effect: Effect, draw: Callable[[float], Hidden], write: Write) -> _Sm
     candidate = min(every, key=_how_far(thing))
     weigh = (_weigh_load if effect.needs == "forces" else _weigh_body)(fit, candidate)
     numbers = _list_numbers(thing, candidate) / unit
-
     return _Smallest(_find_crossing(lambda size: weigh(size * numbers), unit), fit, candidate)
 
 
@@ -154,8 +153,8 @@ def _weigh_once(effect: Effect, draw: Callable[[float], Hidden], write: Write) -
     thing, odds = draw(effect.sizes[2]), []
     for hidden in ((thing,), ()):
         search = _open(hidden, write)
-        search.find_labels() if effect.kind == "marker_swap" else None
         if effect.kind == "marker_swap":
+            search.find_labels()
             ranked = [n.ranked for n in search.named]
         elif effect.needs == "forces":
             ranked = search._rank_forces()[1]

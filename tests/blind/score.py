@@ -8,9 +8,12 @@ Runs of many hours can be put together: with ``--records`` every case is kept in
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from collections import Counter
 from pathlib import Path
 
+from tests.blind.make import UNMET
 from tests.blind.scoring.outcomes import outcomes
 from tests.blind.scoring.records import joined, read_records, write_records
 from tests.blind.scoring.tables import TABLES, markdown, remarks, text
@@ -36,13 +39,20 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     made = {title: table(found) for title, table in TABLES.items()}
     tables = {title: rows for title, rows in made.items() if len(rows) > 1}
-    notes = "\n".join(remarks(found))
+    notes = "\n".join([*remarks(found), *_list_unmet(given.bank)])
     screen = "\n\n".join(f"{title}\n{text(rows)}" for title, rows in tables.items())
     sys.stdout.write(f"{head}\n\n{screen}\n\n{notes}\n")
     if given.out:
         page = "\n\n".join(f"## {title}\n\n{markdown(rows)}" for title, rows in tables.items())
         given.out.write_text(f"# The blind bank\n\n{head}\n\n{page}\n\n{notes}\n", encoding="utf-8")
     return 0
+
+
+def _list_unmet(bank: Path) -> list[str]:
+    """Which cases were not made, in a sentence."""
+    kinds = (json.loads(file.read_text(encoding="utf-8"))[0] for file in (bank / UNMET).glob("*.json"))
+    found = ", ".join(f"{kind} {n}" for kind, n in sorted(Counter(kinds).items()))
+    return [f"Not made, for nobody meets twice what their recordings can name: {found}."] if found else []
 
 
 def _besides(others: int) -> str:

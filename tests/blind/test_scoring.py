@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from scaling_service.files.sto import Table, write_sto
+from tests.blind.make import UNMET
 from tests.blind.run import run_one
 from tests.blind.score import main
 from tests.blind.scoring.matching import (
@@ -192,12 +193,15 @@ def test_the_command_reads_folders_and_says_how_many(
         result = {"verdict": "found", "effects": [named(OFFSET)] if k else []}
         (results / f"case_{k}" / "discovery.json").write_text(json.dumps(result))
         (results / f"case_{k}" / "seconds.txt").write_text(f"{rng.uniform(5, 9)}")
+    (tmp_path / "bank" / UNMET).mkdir()
+    (tmp_path / "bank" / UNMET / "case_9.json").write_text('["capture_scale"]')
     page = tmp_path / "score.md"
     assert main(["--bank", str(tmp_path / "bank"), "--results", str(results), "--out", str(page)]) == 0
     said = capsys.readouterr().out
     assert said.startswith("3 of 4 cases were run.")
     assert "67 %" in said
     assert "| marker_offset |" in page.read_text()
+    assert "twice what their recordings can name: capture_scale 1." in page.read_text()
     records = str(tmp_path / "records.csv")
     for bank, head in (("bank", "3 of 4 cases were run."), ("none", "0 of 0 cases were run, and 3 of other")):
         main(["--bank", str(tmp_path / bank), "--results", str(results), "--records", records])

@@ -231,7 +231,7 @@ def test_labels_of_a_trial_do_not_matter(walker) -> None:
     bare = trial.select(["X1"])
     gait = compute_clinical_gait(person.model, {trial.name: motion}, [bare])
     assert not gait.cycles
-    assert gait.reason == "no marker of the pelvis is seen"
+    assert gait.reason == f"{trial.name}: no marker of the pelvis is seen"
     assert np.isfinite(gait.recordings[trial.name].values["r"]["knee_flexion"]).all()
 
 

@@ -70,7 +70,7 @@ def test_what_people_say_more_of_than_recordings_is_leant_on() -> None:
     found = verdict(MB, replace(MAP, by_people=("scale.femur_r", "centre.hip_r.x")))
     assert found.strength == "leaning"
     assert "leans on what is ordinary in people" in found.headline
-    assert any("scale.femur_r, centre.hip_r.x" in reason for reason in found.why)
+    assert any("the right femur's length, the right hip's centre" in reason for reason in found.why)
 
 
 @pytest.mark.parametrize(

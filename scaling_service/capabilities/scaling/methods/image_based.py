@@ -14,25 +14,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.methods import (
+    image_points,
+    osim_image_based,
+    people_prior,
+    placement,
+)
 from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
-from scaling_service.capabilities.scaling.methods import image_points
 from scaling_service.capabilities.scaling.methods.imaged_pelvis import PelvisFit, fit_pelvis
-from scaling_service.capabilities.scaling.methods import osim_image_based
-from scaling_service.capabilities.scaling.methods import people_prior
-from scaling_service.capabilities.scaling.methods import placement
 from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import list_few
+from scaling_service.model import body, parameters, results, trial
 from scaling_service.model.anatomy.frames import Frames, build_femur_frame
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
-from scaling_service.model import body
-from scaling_service.model import parameters
 from scaling_service.model.people import read_people
-from scaling_service.model import results
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
-from scaling_service.model import trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 

@@ -17,9 +17,9 @@ from scipy.optimize import least_squares
 
 from scaling_service.capabilities.scaling.methods.image_points import find_imaged_spines
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import body
 from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model import body
 from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.model.trial import ImageEvidence, ImagePose

@@ -18,9 +18,9 @@ from scipy.optimize import minimize_scalar
 from scaling_service.capabilities.scaling.methods import imaged_pelvis
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import body
 from scaling_service.model.anatomy.bones import find_body
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
-from scaling_service.model import body
 from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model

@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.dynamics.uncertainty.total import propagate
-from scaling_service.studies.muller2017.excitation import WHOLE, make_excited_person
+from scaling_service.studies.muller2017.excitation import ExcitationSettings, make_excited_person
 from scaling_service.studies.muller2017.monte_carlo import UncertaintySettings, propagate_by_samples
 
 SECONDS, GIBIBYTES = 60.0, 2.0
@@ -18,7 +18,7 @@ SECONDS, GIBIBYTES = 60.0, 2.0
 
 @pytest.mark.benchmark
 def test_one_person_takes_a_minute() -> None:
-    recording = make_excited_person(1, WHOLE, ("in_order",)).performances["in_order"].recording
+    recording = make_excited_person(1, ExcitationSettings(), ("in_order",)).performances["in_order"].recording
     clock = time.perf_counter()
     with workers(2) as executor:
         found = propagate_by_samples(recording, UncertaintySettings(), executor=executor)

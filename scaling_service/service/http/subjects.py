@@ -124,6 +124,7 @@ async def put_note(
     subject: Named, request: fastapi.Request, owner: callers.Owner, service: callers.ServiceDep
 ) -> contracts.SubjectNoteDocument:
     """Write about a subject's results, and sign it, in place of what stood there before."""
+    await run_in_threadpool(service.note, owner, subject)  # whose subject it is, before what is sent
     given = await bodies.read_model(contracts.SubjectNote, request, "Give `text`, and `signed_by` to sign it")
     row = await bodies.in_writer_thread(service.put_note, owner, subject, given.model_dump())
     return _make_note(row)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.laws.apply import with_effects
-from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.laws.loads import differentiate_load
+from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
+from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_load
 from scaling_service.capabilities.discovery.laws.profiles import evaluate_profiles
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.model.body import GROUND
 from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.multibody.motion import TENSOR
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.discovery.hidden import choice, person, recorded
@@ -63,3 +64,22 @@ def test_a_load_is_a_point_mass_but_for_the_square_of_its_way_from_the_centre() 
         point = [kg * (float(k == j) * at @ at - at[k] * at[j]) for k, j in TENSOR]
         left = [kg * (float(k == j) * away @ away - away[k] * away[j]) for k, j in TENSOR]
         np.testing.assert_allclose(made, [kg, *(kg * at), *np.subtract(point, left)], atol=1e-12)
+
+
+def test_a_load_put_into_the_model_is_that_point_mass() -> None:
+    model = person().model
+    segment = next(s for s in model.segments if s.parent != GROUND)
+    kg, at = 3.0, np.array(segment.com) + [0.06, 0.2, -0.08]
+    columns = tuple(
+        Column(name=f"number_{k}", unit=1.0, load=Inertial(segment.name, change))
+        for k, change in enumerate(differentiate_load(segment))
+    )
+    load = Estimate(
+        Candidate(kind="carried_load", where=(segment.name,), columns=columns), kg * np.array([1, *at])
+    )
+    row = model.segment_names.index(segment.name)
+    before, after = (
+        gather_inertias(one).parameters()[row] for one in (model, with_inertial_changes(model, [load]))
+    )
+    tensor = [kg * (float(k == j) * at @ at - at[k] * at[j]) for k, j in TENSOR]
+    np.testing.assert_allclose(after - before, [kg, *(kg * at), *tensor], atol=1e-9)

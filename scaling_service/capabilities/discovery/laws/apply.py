@@ -104,7 +104,7 @@ def with_inertial_changes(
         if isinstance(whole, candidates.Reweighed):
             numbers += (whole.factor_in(trial) - 1.0) * declared
             changed = True
-        # By segment; a carried load at a point adds the tensor that its mass and first moments make.
+        # By segment; a carried load at a point has the tensor that its mass and first moments make.
         found = [
             (load.segment, size * np.array(load.change))
             for load, size in candidates.list_loads([effect], loads.Inertial)
@@ -113,7 +113,7 @@ def with_inertial_changes(
             mass, moment = float(effect.size[0]), effect.size[1:]
             tensor = ((moment @ moment) * np.eye(3) - np.outer(moment, moment)) / mass
             six = [tensor[i, j] for i, j in TENSOR]
-            found.append((found[0][0], np.concatenate([np.zeros(4), six])))
+            found = [(found[0][0], np.concatenate([effect.size, six]))]
         for segment, change in found:
             numbers[model.segment_names.index(segment)] += change
             changed = True

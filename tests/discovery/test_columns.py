@@ -69,7 +69,7 @@ def test_a_load_is_a_point_mass_but_for_the_square_of_its_way_from_the_centre() 
 def test_a_load_put_into_the_model_is_that_point_mass() -> None:
     model = person().model
     segment = next(s for s in model.segments if s.parent != GROUND)
-    kg, at = 3.0, np.array(segment.com) + [0.06, 0.2, -0.08]
+    kg, at = 3.0, np.add(segment.com, (0.06, 0.2, -0.08))
     columns = tuple(
         Column(name=f"number_{k}", unit=1.0, load=Inertial(segment.name, change))
         for k, change in enumerate(differentiate_load(segment))

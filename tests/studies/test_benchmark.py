@@ -114,7 +114,9 @@ def test_what_is_hidden_in_forces_is_what_is_said(shared_data: Path, tmp_path: P
         box.mkdir()
         for file in (f"{trial}{end}" for trial in ("squats1", "walking1") for end in (".trc", "_grf.mot")):
             shutil.copyfile(shared_data / "opencap_squat" / file, box / file)
-        hidden.list_hidden()[name].change(box)  # type: ignore[union-attr]
+        of_name = hidden.list_hidden()[name]
+        assert of_name is not None
+        of_name.change(box)
         tables = [read_sto(folder / "walking1_grf.mot") for folder in (shared_data / "opencap_squat", box)]
         columns = [f"ground_force_1_v{axis}" for axis in "xyz"]
         forces = [np.stack([table.column(c) for c in columns], axis=1) for table in tables]

@@ -241,9 +241,13 @@ def write_headline(
     if level is None:
         return said
     before, after = level.before or 0.0, level.after or 0.0
-    told = f"is {format_figures(after)} times what is ordinary, as without, {format_figures(before)}"
+    now, without = format_figures(after), format_figures(before)
     if after < before and (level.high or 0.0) < before:
-        told = f"falls from {format_figures(before)} to {format_figures(after)} times what is ordinary"
+        told = f"falls from {without} to {now} times what is ordinary"
+    elif now == without:
+        told = f"stays at {now} times what is ordinary"
+    else:
+        told = f"is {now} times what is ordinary, {without} without, which is no clear change"
     if left and before**2 - after**2 < _LITTLE * (before**2 - 1.0):
         most = f"{list_few(left[0].where)} ({format_figures(left[0].rms)} {left[0].unit})"
         told += f". Most of it is left unexplained, above all at {most}"

@@ -49,7 +49,7 @@ class Wrench(base.Part):
 
     @pydantic.model_validator(mode="before")
     @classmethod
-    def _named(cls, values: Any) -> Any:
+    def _name_components(cls, values: Any) -> Any:
         """Six numbers of an array by their names."""
         return dict(zip(cls.model_fields, values, strict=True)) if isinstance(values, np.ndarray) else values
 

@@ -125,6 +125,17 @@ def _nothing(_box: Path) -> None:
     """No change of files."""
 
 
+def _restick_thigh(trials: tuple[str, ...], offset_m: tuple[float, float, float], within_mm: float) -> Hidden:
+    """A marker of the left thigh is stuck on elsewhere in some of the recordings."""
+    ends = ("L_thigh1", "L_thigh2", "L_thigh4")
+    return Hidden(
+        kind="marker_offset",
+        where=frozenset({"L_thigh3"}),
+        change=partial(_change_markers, trials, partial(_stick, "L_thigh3", ends, offset_m)),
+        size=("_mm", round(1e3 * float(np.linalg.norm(offset_m)), 1), within_mm),
+    )
+
+
 def list_hidden() -> abc.Mapping[str, Hidden | None]:
     """What is hidden in the recordings, by name; nothing in the first."""
     return {
@@ -134,16 +145,7 @@ def list_hidden() -> abc.Mapping[str, Hidden | None]:
             where=frozenset({"r_sh2", "r_shank_antsup"}),
             change=partial(_change_markers, (SQUAT,), partial(_exchange, "r_sh2", "r_shank_antsup")),
         ),
-        "moved": Hidden(
-            kind="marker_offset",
-            where=frozenset({"L_thigh3"}),
-            change=partial(
-                _change_markers,
-                (WALK,),
-                partial(_stick, "L_thigh3", ("L_thigh1", "L_thigh2", "L_thigh4"), (0.025, 0.015, 0.0)),
-            ),
-            size=("_mm", 29.2, 8.0),
-        ),
+        "moved": _restick_thigh((WALK,), (0.025, 0.015, 0.0), 8.0),
         "mass": Hidden(
             kind="body_mass",
             where=frozenset({"world"}),
@@ -181,16 +183,7 @@ def list_hidden() -> abc.Mapping[str, Hidden | None]:
             change=_lean,
             size=("_deg", 3.0, 1.0),
         ),
-        "moved_always": Hidden(
-            kind="marker_offset",
-            where=frozenset({"L_thigh3"}),
-            change=partial(
-                _change_markers,
-                (SQUAT, WALK),
-                partial(_stick, "L_thigh3", ("L_thigh1", "L_thigh2", "L_thigh4"), (0.030, 0.025, 0.0)),
-            ),
-            size=("_mm", 39.1, 10.0),
-        ),
+        "moved_always": _restick_thigh((SQUAT, WALK), (0.030, 0.025, 0.0), 10.0),
         "volume": Hidden(
             kind="capture_scale",
             where=frozenset({"markers"}),

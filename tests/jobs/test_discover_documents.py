@@ -118,6 +118,22 @@ def test_a_number_is_shown_to_what_is_known_of_it(value: float, sd: float | None
     assert format_quantity("x_mm_per_deg", QuantityDocument(value=value, sd=sd), spread=True) == said
 
 
+@pytest.mark.parametrize(
+    ("after", "low", "high", "says"),
+    [
+        (1.1, 0.9, 1.4, "falls from 2.5 to 1.1 "),
+        (2.2, 1.8, 2.7, "is 2.2 times what is ordinary, 2.5 without, which is no clear change"),
+        (2.5, 2.3, 2.7, "stays at 2.5 "),
+        (3.5, 3.0, 4.0, "rises from 2.5 to 3.5 "),
+    ],
+)
+def test_the_headline_says_of_the_gap_what_its_interval_allows(
+    after: float, low: float, high: float, says: str
+) -> None:
+    level = LevelDocument(before=2.5, after=after, floor=1.0, ceiling=1.0, low=low, high=high)
+    assert says in write_headline("found", [], level, [], held_out=True)
+
+
 @pytest.mark.parametrize(("after", "says"), [(1.1, False), (2.4, True)])
 def test_effects_that_explain_little_are_not_the_whole_headline(after: float, says: bool) -> None:
     level = LevelDocument(before=2.5, after=after, floor=1.0, ceiling=1.0, low=None, high=None)

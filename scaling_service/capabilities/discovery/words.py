@@ -244,6 +244,8 @@ def write_headline(
     now, without = format_figures(after), format_figures(before)
     if after < before and (level.high or 0.0) < before:
         told = f"falls from {without} to {now} times what is ordinary"
+    elif (level.low or 0.0) > before:
+        told = f"rises from {without} to {now} times what is ordinary"
     elif now == without:
         told = f"stays at {now} times what is ordinary"
     else:

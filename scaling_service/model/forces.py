@@ -54,6 +54,7 @@ class GroundForces:
     repairs: tuple[Repair, ...] = field(default=())
     read: Array | None = None
     """(n, k): how much of each sample comes from readings, 0 to 1, where filters have mixed samples."""
+    corners: Array | None = None  # (k, 4, 3), m: of each plate, round its rim; None where no file tells them
 
     def __post_init__(self) -> None:
         shape = (len(self.times), len(self.plates), 3)

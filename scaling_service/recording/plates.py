@@ -78,6 +78,7 @@ def compute_ground_forces(recording: PlateRecording | errors.TrialUnusable) -> G
         surfaces=middles,
         normals=normals,
         repairs=tuple(repairs),
+        corners=np.stack([plate.corners for plate in recording.plates]),
     )
 
 
@@ -132,7 +133,12 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     force, moment = axes.rotate(forces.force), axes.rotate(forces.moment)
     repairs = [r for r in axes.repairs if r.what in ("up_axis", "forward_axis")]
     turned = forces.change(
-        *repairs, force=force, moment=moment, surfaces=axes.rotate(forces.surfaces), normals=normals
+        *repairs,
+        force=force,
+        moment=moment,
+        surfaces=axes.rotate(forces.surfaces),
+        normals=normals,
+        corners=None if forces.corners is None else axes.rotate(forces.corners),
     )
     pressing = turned.pressing
     if np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0)) < 0:

@@ -34,6 +34,10 @@ LIFTED_M = 0.05
 """Height of a foot's lowest marker above its usual place on the floor that means swing (chosen: toe
 clearance in walking is smaller, but the heel then is high and the foot fast)."""
 
+EDGE_M = 0.02
+"""How far a marker near the floor may lie beyond a plate's edge while the whole foot is on it (chosen: a
+shoe's rim and half a marker)."""
+
 FAST_M_S = 0.5
 """Horizontal speed of a foot's slowest marker that means swing (chosen: a swinging foot reaches 3 to 4 m/s,
 a standing one stays under 0.3 m/s with skin motion)."""
@@ -56,14 +60,15 @@ class FootContacts:
 
     ``foot`` (n, n_plates): the row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
     ``supported`` (n,): frames whose forces are all known: every loaded plate bears a known foot, and no
-    foot stands beside the plates. ``repairs``: ``plate_foot`` for every contact; ``two_feet``,
-    ``two_plates``, ``in_swing``, ``no_plate``, ``no_foot``, ``pressure_astray`` where markers and forces
-    disagree.
+    foot stands beside the plates or over the edge of one. ``repairs``: ``plate_foot`` for every contact;
+    ``two_feet``, ``two_plates``, ``in_swing``, ``no_plate``, ``over_edge``, ``no_foot``, ``pressure_astray``
+    where markers and forces disagree.
     """
 
     feet: tuple[str, ...]
     foot: NDArray[np.intp]
     on_floor: Mask  # (n, n_feet); by the markers alone
+    over_edge: Mask  # (n, n_feet): the floor beside a plate bears a part of a foot that is on it
     supported: Mask
     repairs: tuple[Repair, ...]
 
@@ -120,9 +125,15 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
         )
     foot[~loaded] = NOBODY
     notes += _find_two_feet(foot, away, on_floor, forces) + _find_two_plates(foot, names)
+    over_edge, astride = _find_over_edge(foot, feet, forces)
     supported, more = _find_supported(foot, loaded, on_floor, names, forces)
     return FootContacts(
-        feet=names, foot=foot, on_floor=on_floor, supported=supported, repairs=(*notes, *more)
+        feet=names,
+        foot=foot,
+        on_floor=on_floor,
+        over_edge=over_edge,
+        supported=supported & ~over_edge.any(axis=1),
+        repairs=(*notes, *astride, *more),
     )
 
 
@@ -252,6 +263,35 @@ def _find_two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Rep
                 )
             )
     return notes
+
+
+def _find_over_edge(
+    foot: NDArray[np.intp], feet: Mapping[str, Array], forces: GroundForces
+) -> tuple[Mask, list[Repair]]:
+    """Where a foot that a plate bears reaches beyond the edges of all plates with a marker near the floor."""
+    found = np.zeros((len(foot), len(feet)), dtype=bool)
+    notes: list[Repair] = []
+    if forces.corners is None:
+        return found, notes
+    for k, (name, markers) in enumerate(feet.items()):
+        height = markers[..., 1]
+        low = height < np.nanpercentile(height, 5, axis=0) + LIFTED_M  # False where it is not seen
+        beyond = np.full(height.shape, np.inf)
+        for rim in forces.corners[..., (0, 2)]:
+            sides = rim[[0, 0]] - rim[[1, 3]]
+            half = np.linalg.norm(sides, axis=1) / 2.0
+            along = np.abs((markers[..., (0, 2)] - rim.mean(axis=0)) @ (sides / (2.0 * half[:, None])).T)
+            np.fmin(beyond, (along - half).max(axis=-1), out=beyond)
+        reach = np.where(low, beyond, -np.inf).max(axis=1, initial=-np.inf)
+        found[:, k] = (foot == k).any(axis=1) & (reach > EDGE_M)
+        for start, stop in find_runs(found[:, k]).tolist():
+            on = forces.plates[int(np.argmax(foot[start] == k))]
+            detail = (
+                f"reaches {1e3 * reach[start:stop].max():.0f} mm beyond the edge of {on} from "
+                f"{forces.times[start]:.2f} to {forces.times[stop - 1]:.2f} s: the floor bears a part of it"
+            )
+            notes.append(Repair(what="over_edge", where=name, detail=detail, frames=stop - start))
+    return found, notes
 
 
 def _find_supported(

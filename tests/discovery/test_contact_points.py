@@ -66,7 +66,7 @@ def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
 @pytest.mark.parametrize("lasting_s", [0.4, 0.8, 1.2])
 def test_a_push_is_found_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
     fit = Fit(context=SearchContext(model=sway.model), wrenches=(pushed(sway, 150.0, 0.5, 0.5 + lasting_s),))
-    found = {c.where[0]: c.change for _, c in find_contacts(fit, NOISE)}
+    found = {c.where[0]: c.change for _, c in find_contacts(fit, {item.name: NOISE for item in fit.wrenches})}
     contact = found["torso"]
     assert isinstance(contact, Contact)
     assert contact.start_s == pytest.approx(0.5, abs=0.2)
@@ -75,4 +75,4 @@ def test_a_push_is_found_however_long_it_lasts(sway: WrenchFit, lasting_s: float
 
 def test_without_a_push_nothing_touches(sway: WrenchFit) -> None:
     fit = Fit(context=SearchContext(model=sway.model), wrenches=(sway,))
-    assert not find_contacts(fit, NOISE)
+    assert not find_contacts(fit, {item.name: NOISE for item in fit.wrenches})

@@ -148,7 +148,7 @@ def make_discovery_document(
         start=prepared.start,
         fitted_trials=fitted,
         held_out_trials=held_out,
-        trials_with_forces=list(prepared.forces),
+        trials_with_forces=[r.trial.name for r in prepared.recordings if r.contacts is not None],
         notes=list(dict.fromkeys((*found.notes, *notes))),
         files=list(files),
         wall_s=round(results.wall_s, 3),

@@ -18,14 +18,16 @@ from scaling_service.capabilities.dynamics.weight import FAR_OFF, NOTICED
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
+    bring_forces,
     find_feet,
     read_movement_forces,
+    read_trial_forces,
 )
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.arrays import Mask
-from scaling_service.core.errors import ModelRefused
+from scaling_service.core.errors import ModelRefused, TrialUnusable
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
@@ -35,13 +37,14 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.signals.splines import MIN_SAMPLES
+from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording import plates_feet
 from scaling_service.recording.exchanged import without_exchanges
 from scaling_service.recording.faults import FAULTS
 
 NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
-_NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded", *FAULTS)
+_NOTED = ("two_feet", "over_edge", "no_foot", "pressure_astray", "force_sign", "not_recorded", *FAULTS)
 """Repairs of forces that bear on what the search may say."""
 
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
@@ -83,6 +86,34 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
     )
 
 
+def read_standing_forces(
+    loaded: Loaded, model: BodyModel, cutoff_hz: float
+) -> tuple[ContactAssignment | None, tuple[str, ...]]:
+    """The ground's forces while the person stands, if the plates bear all of the weight, and notes.
+
+    Which foot stands where does not matter: the plates together weigh the person, and place the weight.
+    """
+    static, axes = loaded.session.static, loaded.orientation
+    path = loaded.session.subject.static
+    if static is None or path is None or axes is None:
+        return None, ()
+    try:
+        read = read_trial_forces(path, loaded.plates.get(path), loaded.session.subject.forces.get(path.name))
+        if read is None:
+            return None, ()
+        ground = bring_forces(*read, static, axes, cutoff_hz=choose_band_hz(static.rate_hz))
+    except TrialUnusable as error:
+        return None, (f"{static.name}: its forces are left out: {error.problem}",)
+    borne = np.nan_to_num(ground.force[:, :, 1]).sum(axis=1) / -GRAVITY[1]
+    mass = sum_mass(model)
+    usable = ground.known.all(axis=1) & (borne > mass / FAR_OFF) & (borne < mass * FAR_OFF)
+    if usable.any():
+        return ContactAssignment(ground, usable, cutoff_hz), ()
+    return None, (
+        f"{static.name}: its forces are left out: the plates bear {np.median(borne):.1f} of {mass:.1f} kg",
+    )
+
+
 def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
     """What a model lacks to answer the forces on a person of this mass; empty where it has all."""
     try:
@@ -101,8 +132,8 @@ def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
 def find_usable_frames(ground: GroundForces, contacts: plates_feet.FootContacts) -> Mask:
     """Frames in which the plates should show all that the ground does, shape (n,).
 
-    A foot that steps beside the plates is no finding. A foot that never meets a plate while the other one
-    always does has lost its plate, and that is one: such frames stay.
+    A foot that steps beside the plates, or over the edge of one, is no finding. A foot that never meets a
+    plate while the other one always does has lost its plate, and that is one: such frames stay.
     """
     loaded = ground.in_contact()
     stray = (loaded & (contacts.foot == plates_feet.NOBODY)).any(axis=1)
@@ -112,7 +143,8 @@ def find_usable_frames(ground: GroundForces, contacts: plates_feet.FootContacts)
         others = np.delete(beside, k, axis=1)
         if not bears[:, k].any() and not others.any():
             beside[:, k] = False
-    return np.asarray(ground.known.all(axis=1) & ~stray & ~beside.any(axis=1))
+    partly = contacts.over_edge.any(axis=1)
+    return np.asarray(ground.known.all(axis=1) & ~stray & ~partly & ~beside.any(axis=1))
 
 
 def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
@@ -179,8 +211,11 @@ def prepare(
         SearchTrial(trial, "fit" if trial.name in fitting else "held_out", contacts.get(trial.name))
         for trial in session.dynamic
     )
-    if session.static is not None and session.static.n_frames >= MIN_SAMPLES:
-        used = (SearchTrial(session.static, "fit"), *used)  # a witness
+    if session.static is not None and session.static.n_frames >= MIN_SAMPLES:  # a witness
+        standing, said = (
+            read_standing_forces(loaded, massive.model, chosen.cutoff_hz) if forces else (None, ())
+        )
+        used, notes = (SearchTrial(session.static, "fit", standing), *used), (*notes, *said)
     unmeasured = [
         said
         for trial in session.dynamic

@@ -84,20 +84,10 @@ def read_trial_forces(
         return recording, recording_plates.compute_ground_forces(plates)
 
 
-def prepare_forces(
-    source: Path,
-    forces: model_forces.GroundForces,
-    trial: Trial,
-    feet: abc.Mapping[str, Array],
-    axes: Orientation,
-    *,
-    cutoff_hz: float,
-) -> TrialForces:
-    """Turn, filter and resample forces, and give each contact to a foot.
-
-    ``forces`` as read; ``trial`` in the session's axes; ``feet`` with the markers on each, (n_frames,
-    n_markers, 3). Refuses forces and markers that do not belong together.
-    """
+def bring_forces(
+    source: Path, forces: model_forces.GroundForces, trial: Trial, axes: Orientation, *, cutoff_hz: float
+) -> model_forces.GroundForces:
+    """Forces as read in the session's axes, filtered, at a trial's times; refused where no plate bears."""
     with _blame_file(source):
         # A C3D file that states a wrong unit of length for its markers states it for its plates, too.
         corrected = [r for r in trial.repairs if r.what == "unit" and r.where == trial.name]
@@ -119,6 +109,25 @@ def prepare_forces(
                 field="forces",
                 remedy="Give forces in N, of a person who stands on the plates",
             )
+    return ground
+
+
+def prepare_forces(
+    source: Path,
+    forces: model_forces.GroundForces,
+    trial: Trial,
+    feet: abc.Mapping[str, Array],
+    axes: Orientation,
+    *,
+    cutoff_hz: float,
+) -> TrialForces:
+    """Turn, filter and resample forces, and give each contact to a foot.
+
+    ``forces`` as read; ``trial`` in the session's axes; ``feet`` with the markers on each, (n_frames,
+    n_markers, 3). Refuses forces and markers that do not belong together.
+    """
+    ground = bring_forces(source, forces, trial, axes, cutoff_hz=cutoff_hz)
+    with _blame_file(source):
         contacts = plates_feet.assign_plates(ground, feet)
         loads = plates_feet.assign_foot_loads(ground, contacts, {foot: foot for foot in feet})
     return TrialForces(source, ground, contacts, loads)

@@ -34,14 +34,15 @@ _WEIGHED = 3  # of the likeliest segments, beside all else that is ordinary (cho
 _LASTING_S = 0.2  # between the times of correlation of forces and of moments
 
 
-def find_contacts(fit: Fit, noise: Array) -> list[tuple[float, Candidate]]:
+def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, Candidate]]:
     """The likeliest touches of segments in recordings, with the logarithm of their prior odds.
 
-    ``noise`` (6,): what is ordinary of each component, N and N m.
+    ``ordinary``: what is ordinary of each component (6,) in each recording, N and N m.
     """
     found, feet = [], set(find_feet(fit.model))
     known = {e.candidate.where[0] for e in fit.effects if e.candidate.kind == KIND}  # in other recordings
     for item in fit.wrenches:
+        noise = ordinary[item.name]
         out = np.abs(item.residuals[:, :3]) > _STANDS_OUT * noise[:3]
         rows = np.flatnonzero(item.usable & out.any(axis=1))
         if len(rows) < _FEWEST:

@@ -32,7 +32,12 @@ from scaling_service.capabilities.discovery.laws.loads import (
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
-from scaling_service.capabilities.discovery.ordinary.levels import FACTORS, learn_level, weigh_level
+from scaling_service.capabilities.discovery.ordinary.levels import (
+    FACTORS,
+    find_most,
+    learn_level,
+    weigh_level,
+)
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.core.arrays import Array
 
@@ -89,8 +94,8 @@ class ForceEvidence:
     value: float
     size: Array
     covariance: Array
-    levels: Array  # (6,): of the components' noise
-    left: Array  # (6,): RMS of what is left where everything takes what it can, N and N m
+    levels: Array  # (n_recordings, 6): of the components' noise
+    left: Array  # the same: RMS of what is left where everything takes what it can, N and N m
     directions: (
         Array  # (n_columns, m): of unit variance at the likeliest levels, of what is ordinary and named
     )
@@ -129,6 +134,8 @@ class WrenchTable:
             item.name: (start, used)
             for item, start, used in zip(fit.wrenches, ends[:-1], frames, strict=True)
         }
+        counts = [len(used) for _, used in self._frames.values()]
+        self.of = np.repeat(np.eye(len(counts)), counts, axis=0)  # (n, n_recordings): whose row it is
         self._append_weights(masses)
 
     def _number(self, load: Load, trials: tuple[str, ...] = ()) -> int:
@@ -225,7 +232,7 @@ class WrenchTable:
             steady[rows, :, 3 * j : 3 * j + 3] = touch.sd * found
         directions = np.concatenate([self.ordinary, named, extra * sd], axis=1)
         columns = np.concatenate([steady, self.columns @ directions], axis=2)
-        noise = np.ones(6)
+        noise = np.ones((self.of.shape[1], 6))
         levels = dict.fromkeys(self.owners, 1.0)
         scale = np.ones(columns.shape[2])
         owned = {owner: at + steady.shape[2] for owner, at in self.owners.items()}
@@ -242,12 +249,12 @@ class WrenchTable:
         for _ in range(_PASSES):
             for owner, at in owned.items():
                 scale[at] = levels[owner]
-            by_noise = 1.0 / (self.sd * noise)
+            by_noise = 1.0 / (self.sd * (self.of @ noise))
             white, gap = columns * by_noise[:, :, None] * scale, self.gap * by_noise
             freed, cost = self._free_touched([(r, t.wandering * f) for r, f, t in touched], by_noise)
             white, gap = freed @ white, np.matmul(freed, gap[:, :, None])[:, :, 0]
             white, gap = white * np.sqrt(self.weight)[:, :, None], gap * np.sqrt(self.weight)
-            count = (self.weight * np.square(freed).sum(axis=2)).sum(axis=0)
+            count = self.of.T @ (self.weight * np.square(freed).sum(axis=2))
             flat = white.reshape(-1, white.shape[2])
             factor = np.linalg.cholesky(np.eye(flat.shape[1]) + flat.T @ flat)
             inverse = np.linalg.inv(factor)
@@ -255,11 +262,13 @@ class WrenchTable:
             strength = inverse @ (flat.T @ gap.ravel())
             left = gap - white @ strength
             value = -0.5 * float(gap.ravel() @ (gap.ravel() - flat @ strength))
-            value -= float(np.log(np.diag(factor)).sum() + self.weight.sum(axis=0) @ np.log(noise)) + cost
-            value += sum(map(weigh_level, (*noise.tolist(), *levels.values())))
+            value -= (
+                float(np.log(np.diag(factor)).sum() + (self.of.T @ self.weight * np.log(noise)).sum()) + cost
+            )
+            value += sum(map(weigh_level, (*noise.ravel().tolist(), *levels.values())))
             if value > best.value:
                 last = slice(flat.shape[1] - k, None)
-                rms = np.sqrt(np.square(left / (by_noise * np.sqrt(self.weight))).mean(axis=0))
+                rms = np.sqrt(self.average(np.square(left / (by_noise * np.sqrt(self.weight)))))
                 size, covariance = sd * strength[last], np.outer(sd, sd) * inverse[last, last]
                 best = ForceEvidence(
                     value=value,
@@ -270,12 +279,14 @@ class WrenchTable:
                     directions=directions * scale[steady.shape[2] :],
                     masses=levels["masses"],
                 )
-            unsure = np.einsum("nak,kl,nal->a", white, inverse, white, optimize=True)
-            energy = np.square(left).sum(axis=0) + unsure
-            noise = np.array([learn_level(*each) for each in zip(noise.tolist(), energy, count, strict=True)])
+            unsure = np.einsum("nak,kl,nal->na", white, inverse, white, optimize=True)
+            energy = self.of.T @ (np.square(left) + unsure)
+            told = zip(noise.ravel().tolist(), energy.ravel(), count.ravel(), strict=True)
+            noise = np.array([learn_level(*each) for each in told]).reshape(noise.shape)
             for owner, at in owned.items():
-                told = float((1.0 - np.diag(inverse)[at]).sum())
-                anew = learn_level(levels[owner], float(np.square(strength[at]).sum()), told, 1.0)
+                known = float((1.0 - np.diag(inverse)[at]).sum())
+                square = float(np.square(strength[at]).sum())
+                anew = learn_level(levels[owner], square, known, find_most(owner))
                 levels[owner] = math.sqrt(levels[owner] * anew)
         return best
 
@@ -316,7 +327,7 @@ class WrenchTable:
 
         ``course`` (n,): that they take over the rows, if they are not constant.
         """
-        by_noise = np.sqrt(self.weight) / (self.sd * none.levels)
+        by_noise = self.scale(none.levels)
         known = (self.columns @ none.directions * by_noise[:, :, None]).reshape(-1, none.directions.shape[1])
         gap, found = (self.gap * by_noise).ravel(), []
         inner = np.linalg.inv(np.eye(known.shape[1]) + known.T @ known)
@@ -339,12 +350,20 @@ class WrenchTable:
             best = max(best, found.bayes + weigh_level(factor))
         return best
 
+    def scale(self, levels: Array) -> Array:
+        """What whitens the rows at some levels (n_recordings, 6), (n, 6)."""
+        return np.asarray(np.sqrt(self.weight) / (self.sd * (self.of @ levels)))
+
+    def average(self, values: Array) -> Array:
+        """Means over the rows of each recording, (n_recordings, 6)."""
+        return np.asarray(self.of.T @ values / np.maximum(self.of.sum(axis=0), 1.0)[:, None])
+
     def explain(self, numbers: Sequence[int], size: Array) -> Array:
         """What some columns of a size make of the wrench, (n, 6)."""
         return np.asarray(self.columns[:, :, list(numbers)] @ size)
 
 
 def measure_noise(table: WrenchTable, levels: Array) -> Array:
-    """What is ordinary of each component, (6,): noise, plates and masses together, N and N m."""
+    """What is ordinary of each component, (n_recordings, 6): noise, plates and masses together, N and N m."""
     spread = np.square(table.columns @ table.ordinary).sum(axis=2)
-    return np.asarray(np.sqrt((np.square(table.sd * levels) + spread).mean(axis=0)))
+    return np.asarray(np.sqrt(table.average(np.square(table.sd * (table.of @ levels)) + spread)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,7 +49,7 @@ class Loads:
     @property
     def square(self) -> float:
         """Whitened sum of squares of all rows."""
-        scale = np.sqrt(self.table.weight) / (self.table.sd * self.none.levels)
+        scale = self.table.scale(self.none.levels)
         return max(float(np.square(self.table.gap * scale).sum()), np.finfo(float).tiny)
 
 
@@ -62,7 +62,7 @@ def score_loads(
     weighed: bool,
     each: bool,
     touching: Sequence[Touch],
-    touches: Callable[[Array], Sequence[Touch]],
+    touches: Callable[[Mapping[str, Array]], Sequence[Touch]],
 ) -> Loads:
     """Candidates of the wrench; those that are likely with all levels learnt beside them.
 
@@ -76,7 +76,7 @@ def score_loads(
     touching : sequence of Touch
         Those that are named.
     touches : callable
-        By what is ordinary of each component (6,), those to be weighed.
+        By what is ordinary of each component (6,) in each recording, those to be weighed.
     """
     every = [*(c for c, _ in choice), *(e.candidate for e, _ in named)]
     table, keys = WrenchTable(fit, every), [c.key for c in every]
@@ -100,7 +100,8 @@ def score_loads(
             bayes -= table.score_livelier(none, places[k], 0.5 * sds[k])
         scored[k] = replace(scored[k], bayes=bayes, size=one.size, covariance=one.covariance)
     of_mass = table.weigh(known, whole, np.full(whole.shape[1], mass_sd), touching).value - none.value
-    tried = touches(measure_noise(table, np.minimum(none.levels, 1.0)))
+    noise = measure_noise(table, np.minimum(none.levels, 1.0))
+    tried = touches({item.name: row for item, row in zip(fit.wrenches, noise, strict=True)})
     of_touch = [
         max(
             table.weigh(known, nothing, np.zeros(0), [*touching, *chosen]).value / len(chosen)

@@ -27,7 +27,7 @@ from scaling_service.capabilities.discovery.evidence.fit import (
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable, measure_noise
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
 from scaling_service.capabilities.discovery.search.findings import (
     UNITS,
@@ -37,9 +37,9 @@ from scaling_service.capabilities.discovery.search.findings import (
     classify_place,
 )
 from scaling_service.capabilities.discovery.search.gaps import (
-    Expected,
     Yardstick,
     describe_course,
+    expect_forces,
     expect_markers,
     list_disagreements,
     list_shown,
@@ -102,12 +102,14 @@ def discover(
     steps = Steps(report=progress or show_nothing)
     steps.begin("following the recordings", 0.0, LABELS)
     context = SearchContext(model=model, recordings=recordings, settings=settings, advance=steps.advance)
-    before = fit_recordings(context)
-    search = Search(fit=before, origin=origin, steps=steps)
+    search = Search(fit=fit_recordings(context), origin=origin, steps=steps)
     search.find_labels()
     body = search.search_body()
     forces = search.search_forces()
     steps.begin("measuring the gap", FORCES, 1.0)
+    # Followed alike, so that nothing but what is named lies between the two
+    after = search.fit
+    before = fit_recordings(context, (), after) if after.effects else after
     findings = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
     return Discovery(findings, before, search.fit, search.join_leanings(body))
@@ -122,12 +124,7 @@ def _summarise(
 ) -> Findings:
     """Where, what, how far the gap closed, and what is left."""
     after, settings = search.fit, search.settings
-    expected = None
-    if forces is not None:
-        table, none = forces
-        ordinary, left = measure_noise(table, none.levels).tolist(), none.left.tolist()
-        expected = Expected(*(dict(zip(COMPONENTS, values, strict=True)) for values in (ordinary, left)))
-    yardstick = Yardstick(expect_markers(body), expected)
+    yardstick = Yardstick(expect_markers(body), {} if forces is None else expect_forces(after, *forces))
     folds = not any(item.role == "held_out" for item in before.tracked)
     gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
     named = tuple(sorted((_finish(one, search) for one in search.named), key=lambda n: -n.odds))
@@ -177,20 +174,20 @@ def _list_unexplained(
     names = [item.name for item in fit.tracked]
     rms, of_forces = (rms_by_place(fit, names, forces=forces) for forces in (False, True))
     floors = {
-        marker: math.sqrt(
-            np.mean([e.ordinary[marker] ** 2 for e in yardstick.markers.values() if marker in e.ordinary])
-        )
-        for marker in rms
+        place: math.sqrt(np.mean([e.ordinary[place] ** 2 for e in kind.values() if place in e.ordinary]))
+        for kind, places in ((yardstick.markers, rms), (yardstick.forces, of_forces))
+        for place in places
     }
-    if yardstick.forces is not None:
-        floors |= yardstick.forces.ordinary
     found: list[tuple[float, tuple[str, ...], str, str]] = [
         (math.log(body.strays[m]), (m,), m, "") for m in body.list_astray(limit)
     ]
     if forces is not None:
-        for component, level in zip(COMPONENTS, forces[1].levels.tolist(), strict=True):
+        for component, levels in zip(COMPONENTS, forces[1].levels.T, strict=True):
+            level = float(levels.max())
             if math.log(level) > limit * SPREAD:
-                floors[component] /= level
+                trial = fit.wrenches[int(levels.argmax())].name
+                of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
+                floors[component] = yardstick.forces[trial].ordinary[component] / level
                 found.append((math.log(level), (component,), component, ""))
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
     standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -17,6 +17,11 @@ from scaling_service.capabilities.discovery.document import (
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span, without_span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
+from scaling_service.capabilities.discovery.ordinary.forces import (
+    ForceEvidence,
+    WrenchTable,
+    measure_noise,
+)
 from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import UNITS, Observable, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
@@ -66,6 +71,17 @@ def expect_markers(body: BodyTable) -> dict[str, Expected]:
         )
         found[look.item.name] = Expected(ordinary, left)
     return found
+
+
+def expect_forces(fit: Fit, table: WrenchTable, none: ForceEvidence) -> dict[str, Expected]:
+    """Of every recording with forces, by the levels learnt."""
+    ordinary = measure_noise(table, none.levels)
+    return {
+        item.name: Expected(
+            *(dict(zip(COMPONENTS, row[k].tolist(), strict=True)) for row in (ordinary, none.left))
+        )
+        for k, item in enumerate(fit.wrenches)
+    }
 
 
 def _measure_strays(look: Look, stray: Array) -> Array:
@@ -120,16 +136,16 @@ def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Yardstick:
-    """What is ordinary at every place, and what it leaves where it takes what it can: RMS, SI."""
+    """By recording, what is ordinary at every place, and what it leaves where it takes what it can."""
 
-    markers: Mapping[str, Expected]  # by trial
-    forces: Expected | None = None  # of all trials
+    markers: Mapping[str, Expected]
+    forces: Mapping[str, Expected] = field(default_factory=dict)
 
     def floors(self, tally_places: Sequence[str], trials: Sequence[str], *, left: bool = False) -> Array:
         """Of blocks of time (n_blocks, n_places); NaN where nothing is known."""
 
         def of(trial: str) -> list[float]:
-            known = self.forces if tally_places == COMPONENTS else self.markers.get(trial)
+            known = (self.forces if tally_places == COMPONENTS else self.markers).get(trial)
             table = {} if known is None else known.left if left else known.ordinary
             return [table.get(place, float("nan")) for place in tally_places]
 

@@ -28,6 +28,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Seen,
 )
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.search.findings import Tried
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leanings
@@ -153,13 +154,11 @@ class Naming:
         own = [w for w in candidate.where if w in old and w in new]
         if any(new[w] > worst * old[w] for w in own):
             return None, not unseen
-        groups = (COMPONENTS[:3], COMPONENTS[3:]) if forces else (tuple(old),)
-        gains, fell = [], []
-        for group in groups:
-            a, b = (sum(rms[p] ** 2 for p in group if p in rms) for rms in (old, new))
-            fell.append(b <= worst**2 * a)
-            gains.append(1.0 - b / a if a > 0.0 else 0.0)
-        return (max(gains) if all(fell) and max(gains) > 0.0 else None), not unseen
+        # Forces and moments are one wrench, each component against its everyday noise
+        unit = dict(zip(COMPONENTS, NOISE, strict=True)) if forces else dict.fromkeys(old, 1.0)
+        a, b = (sum((rms[p] / unit[p]) ** 2 for p in unit if p in rms) for rms in (old, new))
+        gain = 1.0 - b / a if a > 0.0 else 0.0
+        return (gain if gain > 0.0 else None), not unseen
 
     def _tell_classes(
         self, ranked: Sequence[Ranked], compare: Callable[[Ranked, Ranked], float]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -305,7 +305,7 @@ class Search(Naming):
         weighed = self._is_weighed()
         contacts: list[tuple[float, Candidate]] = []
 
-        def list_touches(noise: Array) -> list[Touch]:
+        def list_touches(noise: Mapping[str, Array]) -> list[Touch]:
             contacts.extend(find_contacts(self.fit, noise))
             return [make_touch(self.fit, candidate) for _, candidate in contacts]
 
@@ -398,7 +398,7 @@ class Alike:
         if one.scored is None or other.scored is None:
             return 0.0
         table, keys = self.loads.table, [c.key for c in self.choice]
-        scale = np.sqrt(table.weight) / (table.sd * self.loads.none.levels)
+        scale = table.scale(self.loads.none.levels)
         a, b = (
             (scale * table.explain(table.numbers[keys.index(r.candidate.key)], s.size)).ravel()
             for r, s in ((one, one.scored), (other, other.scored))

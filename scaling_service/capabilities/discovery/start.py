@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths
 from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
-from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
+from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, Step, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
 from scaling_service.capabilities.dynamics.unmeasured import describe_unmeasured
@@ -33,6 +33,7 @@ from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import sum_mass
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.signals.filters import find_runs
@@ -147,6 +148,27 @@ def find_usable_frames(ground: GroundForces, contacts: plates_feet.FootContacts)
     return np.asarray(ground.known.all(axis=1) & ~stray & ~partly & ~beside.any(axis=1))
 
 
+def find_steps(forces: TrialForces, model: BodyModel) -> tuple[Step, ...]:
+    """Steps of one foot that is alone on one plate, all of it."""
+    contacts, feet, found = forces.contacts, find_feet(model), []
+    frames_of = pose_neutral_frames(model)
+    right = np.array([frames_of[foot][1][2] for foot in feet])
+    outward = np.where(right < right.mean(), -1.0, 1.0)
+    shared = {repair.where for repair in forces.repairs if repair.what == "two_feet"}
+    last = len(contacts.foot) - 1
+    for k, (foot, segments) in enumerate(feet.items()):
+        own = contacts.foot == contacts.feet.index(foot)
+        lone = own.sum(axis=1) == 1
+        for at, plate in enumerate(forces.ground.plates):
+            for start, stop in find_runs(own[:, at]).tolist():
+                frames = slice(start, stop)
+                whole = (start > 0 and stop <= last) or (start == 0 and stop == last + 1)
+                clean = lone[frames].all() and not contacts.over_edge[frames, k].any()
+                if clean and plate not in shared and stop - start >= MIN_SAMPLES:
+                    found.append(Step(plate, segments, float(outward[k]), frames, whole))
+    return tuple(found)
+
+
 def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
     """Without the frames in which a foot comes down and rolls off."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
@@ -204,7 +226,12 @@ def prepare(
     forces, notes = read_ground_forces(loaded, massive.model)
     fitting = {trial.name for trial in session.calibration or session.evaluation}
     contacts = {
-        name: ContactAssignment(one.ground, find_usable_frames(one.ground, one.contacts), chosen.cutoff_hz)
+        name: ContactAssignment(
+            one.ground,
+            find_usable_frames(one.ground, one.contacts),
+            chosen.cutoff_hz,
+            find_steps(one, massive.model),
+        )
         for name, one in forces.items()
     }
     used = tuple(

@@ -36,7 +36,7 @@ def _at_plates(
     def propose(scene: Scene) -> Iterator[Candidate]:
         for plate in scene.plates:
             for columns, note, together in choose(plate):
-                for trials in scene.scopes_with_forces:
+                for trials in scene.scopes_of_plate(plate):
                     yield Candidate(
                         kind=kind,
                         where=(plate,),

@@ -95,7 +95,13 @@ class Fit:
         )
         trials, wrenches = (tuple(item.name for item in items) for items in (self.tracked, self.wrenches))
         return Scene(
-            model=model, markers=names, moving=moving, trials=trials, plates=tuple(plates), wrenches=wrenches
+            model=model,
+            markers=names,
+            moving=moving,
+            trials=trials,
+            plates=tuple(plates),
+            wrenches=wrenches,
+            loaded={p: tuple(item.name for item in self.wrenches if item.tells_of(p)) for p in plates},
         )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class Scene:
     trials: tuple[str, ...]
     plates: tuple[str, ...] = ()  # those that a recording loads; none where there are no forces
     wrenches: tuple[str, ...] = ()  # trials with forces
+    loaded: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by plate: trials that tell of it
 
     def on(self, segment: str) -> tuple[str, ...]:
         """The markers shown on a segment."""
@@ -59,6 +61,10 @@ class Scene:
     def scopes_with_forces(self) -> tuple[tuple[str, ...], ...]:
         """The same of trials with forces."""
         return _list_scopes(self.wrenches)
+
+    def scopes_of_plate(self, plate: str) -> tuple[tuple[str, ...], ...]:
+        """The same for a plate, which is told of by the trials alone in which its load counts."""
+        return _list_scopes(self.loaded.get(plate, self.wrenches))
 
     @property
     def bearing(self) -> tuple[Segment, ...]:

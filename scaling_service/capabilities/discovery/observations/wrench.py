@@ -46,12 +46,24 @@ def choose_band_hz(rate_hz: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """A foot alone on one plate."""
+
+    plate: str
+    segments: tuple[str, ...]  # of the foot
+    outward: float  # 1 where the foot's outer side is to its right, else -1
+    frames: slice
+    whole: bool  # from its coming down to its going, or throughout a recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ContactAssignment:
     """The ground's forces in one trial, and in which frames they are all that touches the body."""
 
     ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`choose_band_hz`
     usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
     cutoff_hz: float = DYNAMICS_CUTOFF_HZ  # below which wrenches are compared
+    steps: tuple[Step, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -216,6 +228,14 @@ class WrenchFit:
         if name not in ground.plates:
             return np.zeros((len(self.times), *width))
         return np.asarray(np.nan_to_num(what(ground, ground.plates.index(name))))
+
+    def tells_of(self, name: str) -> bool:
+        """Whether a plate bears something in frames that count, or a step."""
+        ground = self.contacts.ground
+        if name not in ground.plates:
+            return False
+        bears = ground.in_contact()[:, ground.plates.index(name)] & self.usable
+        return bool(bears.any()) or any(step.plate == name for step in self.contacts.steps)
 
     def centre(self, name: str) -> Array:
         """The middle of a plate, (3,), m; zero for a plate that there is not."""

@@ -39,6 +39,7 @@ from scaling_service.capabilities.discovery.ordinary.levels import (
     weigh_level,
 )
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
+from scaling_service.capabilities.discovery.ordinary.soles import Soles, tabulate_steps
 from scaling_service.core.arrays import Array
 
 NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
@@ -47,7 +48,10 @@ NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
 
 _OF_KG = 65.0
 _OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
-_LASTING_S = np.array([0.12, 0.12, 0.12, 0.4, 0.4, 0.4])  # time of correlation to 1/e (low)
+_LASTING_S = np.array([0.06, 0.06, 0.06, 0.2, 0.2, 0.2])
+"""Time of correlation to 1/e of what ordinary recordings leave below 6 Hz (measured: forces 0.05, 0.05, 0.05
+and 0.08 s in four laboratories; moments 0.07 to 0.09 in three of them and 0.4 in one)."""
+
 _RATE = 4.0  # frames looked at per period of the filter (chosen: products of what passes it need two)
 _SHIFT_M, _GAIN, _LATE_S, _TURN = 0.003, 0.004, 0.003, math.radians(0.5)
 """Plates as installed: Cappello 2011 (2 to 14 mm of the centre of pressure at most), makers' 0.5 %; a third
@@ -63,6 +67,10 @@ _CENTRES_M: Mapping[str, float] = {"trunk": 0.025, "pelvis": 0.020, "legs": 0.01
 _SIDEWAYS = 0.3
 """Of centres of mass along each axis (tables disagree about the trunk's by 50 mm: de Leva 1996, Dumas 2007);
 persons are nearly symmetric."""
+
+_STILL = 0.1
+"""m/s2, RMS: a centre of mass that accelerates less is that of a person who stands still, and says nothing of
+how well motion and forces agree in movement (chosen: standing sways by 0.01 to 0.05, a slow squat 0.5)."""
 
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
@@ -136,6 +144,11 @@ class WrenchTable:
         }
         counts = [len(used) for _, used in self._frames.values()]
         self.of = np.repeat(np.eye(len(counts)), counts, axis=0)  # (n, n_recordings): whose row it is
+        still = [_stands_still(item) for item in fit.wrenches]
+        kinds = sorted(set(still))
+        self.shared = np.array([[kind == k for k in kinds] for kind in still], dtype=float)
+        """(n_recordings, n_kinds): those that share a level, at rest and in movement."""
+        self.soles = tabulate_steps(fit.wrenches, [(key.load, key.trials) for key in self._keys])
         self._append_weights(masses)
 
     def _number(self, load: Load, trials: tuple[str, ...] = ()) -> int:
@@ -185,6 +198,8 @@ class WrenchTable:
             each[rows, :, k] = whole[rows]
         self.columns = np.concatenate([self.columns, each], axis=2)
         self.ordinary = np.pad(self.ordinary, ((0, each.shape[2]), (0, 0)))
+        told = np.pad(self.soles.columns, ((0, 0), (0, each.shape[2])))
+        self.soles = Soles(self.soles.gap, told)
 
     def _tabulate(self, item: WrenchFit) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
         """Residuals (n, 6), columns (n, 6, n_columns), deviations, weights (n, 6), frames (n,) of one."""
@@ -232,7 +247,9 @@ class WrenchTable:
             steady[rows, :, 3 * j : 3 * j + 3] = touch.sd * found
         directions = np.concatenate([self.ordinary, named, extra * sd], axis=1)
         columns = np.concatenate([steady, self.columns @ directions], axis=2)
-        noise = np.ones((self.of.shape[1], 6))
+        under = np.pad(self.soles.columns @ directions, ((0, 0), (steady.shape[2], 0)))
+        noise = np.ones((self.shared.shape[1], 6))
+        whose = self.of @ self.shared
         levels = dict.fromkeys(self.owners, 1.0)
         scale = np.ones(columns.shape[2])
         owned = {owner: at + steady.shape[2] for owner, at in self.owners.items()}
@@ -241,29 +258,30 @@ class WrenchTable:
             value=-math.inf,
             size=np.zeros(k),
             covariance=np.zeros((k, k)),
-            levels=noise,
-            left=noise,
+            levels=self.shared @ noise,
+            left=self.shared @ noise,
             directions=directions,
             masses=1.0,
         )
         for _ in range(_PASSES):
             for owner, at in owned.items():
                 scale[at] = levels[owner]
-            by_noise = 1.0 / (self.sd * (self.of @ noise))
+            by_noise = 1.0 / (self.sd * (whose @ noise))
             white, gap = columns * by_noise[:, :, None] * scale, self.gap * by_noise
             freed, cost = self._free_touched([(r, t.wandering * f) for r, f, t in touched], by_noise)
             white, gap = freed @ white, np.matmul(freed, gap[:, :, None])[:, :, 0]
             white, gap = white * np.sqrt(self.weight)[:, :, None], gap * np.sqrt(self.weight)
-            count = self.of.T @ (self.weight * np.square(freed).sum(axis=2))
-            flat = white.reshape(-1, white.shape[2])
+            count = whose.T @ (self.weight * np.square(freed).sum(axis=2))
+            flat = np.concatenate([white.reshape(-1, white.shape[2]), under * scale])
+            target = np.concatenate([gap.ravel(), self.soles.gap])
             factor = np.linalg.cholesky(np.eye(flat.shape[1]) + flat.T @ flat)
             inverse = np.linalg.inv(factor)
             inverse = inverse.T @ inverse
-            strength = inverse @ (flat.T @ gap.ravel())
+            strength = inverse @ (flat.T @ target)
             left = gap - white @ strength
-            value = -0.5 * float(gap.ravel() @ (gap.ravel() - flat @ strength))
+            value = -0.5 * float(target @ (target - flat @ strength))
             value -= (
-                float(np.log(np.diag(factor)).sum() + (self.of.T @ self.weight * np.log(noise)).sum()) + cost
+                float(np.log(np.diag(factor)).sum() + (whose.T @ self.weight * np.log(noise)).sum()) + cost
             )
             value += sum(map(weigh_level, (*noise.ravel().tolist(), *levels.values())))
             if value > best.value:
@@ -274,13 +292,13 @@ class WrenchTable:
                     value=value,
                     size=size,
                     covariance=covariance,
-                    levels=noise,
+                    levels=self.shared @ noise,
                     left=rms,
                     directions=directions * scale[steady.shape[2] :],
                     masses=levels["masses"],
                 )
             unsure = np.einsum("nak,kl,nal->na", white, inverse, white, optimize=True)
-            energy = self.of.T @ (np.square(left) + unsure)
+            energy = whose.T @ (np.square(left) + unsure)
             told = zip(noise.ravel().tolist(), energy.ravel(), count.ravel(), strict=True)
             noise = np.array([learn_level(*each) for each in told]).reshape(noise.shape)
             for owner, at in owned.items():
@@ -311,6 +329,11 @@ class WrenchTable:
         independent = self.weight[any_here].mean(axis=1)
         return freed, 0.5 * float((independent[:, None] * np.log(values)).sum())
 
+    @staticmethod
+    def _stack(white: Array, under: Array) -> Array:
+        """Rows (n, 6, k) and those of the soles (m, k), one below the other."""
+        return np.concatenate([white.reshape(-1, white.shape[2]), under])
+
     @cached_property
     def course(self) -> Array:
         """From the start of every recording, -1, to its end, 1, (n,)."""
@@ -327,14 +350,17 @@ class WrenchTable:
 
         ``course`` (n,): that they take over the rows, if they are not constant.
         """
-        by_noise = self.scale(none.levels)
-        known = (self.columns @ none.directions * by_noise[:, :, None]).reshape(-1, none.directions.shape[1])
-        gap, found = (self.gap * by_noise).ravel(), []
+        by_noise, under = self.scale(none.levels), self.soles.columns
+        known = self._stack(self.columns @ none.directions * by_noise[:, :, None], under @ none.directions)
+        gap, found = np.concatenate([(self.gap * by_noise).ravel(), self.soles.gap]), []
         inner = np.linalg.inv(np.eye(known.shape[1]) + known.T @ known)
         left = gap - known @ (inner @ (known.T @ gap))
-        by_noise = by_noise if course is None else by_noise * course[:, None]
+        if course is not None:
+            by_noise, under = by_noise * course[:, None], np.zeros_like(under)
         for numbers, sd in zip(choice, sds, strict=True):
-            own = (self.columns[:, :, list(numbers)] * by_noise[:, :, None]).reshape(-1, len(numbers))
+            own = self._stack(
+                self.columns[:, :, list(numbers)] * by_noise[:, :, None], under[:, list(numbers)]
+            )
             along = known.T @ own
             found.append(Scored.of(own.T @ left, own.T @ own - along.T @ inner @ along, sd))
         return found
@@ -349,6 +375,11 @@ class WrenchTable:
             (found,) = self.score_roughly(none, [numbers], [factor * none.masses * sd])
             best = max(best, found.bayes + weigh_level(factor))
         return best
+
+    def add_back(self, numbers: Sequence[int], size: Array) -> None:
+        """What some columns of a size explain, which was taken off all that is measured."""
+        self.gap = self.gap + self.explain(numbers, size)
+        self.soles = Soles(self.soles.gap + self.soles.columns[:, list(numbers)] @ size, self.soles.columns)
 
     def scale(self, levels: Array) -> Array:
         """What whitens the rows at some levels (n_recordings, 6), (n, 6)."""
@@ -367,3 +398,9 @@ def measure_noise(table: WrenchTable, levels: Array) -> Array:
     """What is ordinary of each component, (n_recordings, 6): noise, plates and masses together, N and N m."""
     spread = np.square(table.columns @ table.ordinary).sum(axis=2)
     return np.asarray(np.sqrt(table.average(np.square(table.sd * (table.of @ levels)) + spread)))
+
+
+def _stands_still(item: WrenchFit) -> bool:
+    """Whether the body as a whole hardly accelerates in the frames that count."""
+    force = item.filter(item.needed)[item.usable, :3] + item.mass * item.gravity
+    return bool(np.square(force).sum() < (_STILL * item.mass) ** 2 * len(force))

@@ -83,7 +83,7 @@ def score_loads(
     own = table.numbers[len(choice) :]
     for (effect, _), numbers in zip(named, own, strict=True):
         # the prior is about zero, not about the estimate
-        table.gap = table.gap + table.explain(numbers, effect.size)
+        table.add_back(numbers, effect.size)
     columns = table.expand([n for numbers in own for n in numbers])
     sd = np.concatenate([np.zeros(0), *(sd for _, sd in named)])
     whole = table.weigh_body(each=each)

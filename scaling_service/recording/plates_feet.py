@@ -265,24 +265,33 @@ def _find_two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Rep
     return notes
 
 
+def measure_overhang(corners: Array, markers: Array) -> Array:
+    """How far a foot's markers near the floor reach beyond the edges of all plates, (n,), m.
+
+    ``corners`` (k, 4, 3) and ``markers`` (n, m, 3) in the same axes, Y up. Negative inside a plate; minus
+    infinity where no marker is near the floor.
+    """
+    height = markers[..., 1]
+    low = height < np.nanpercentile(height, 5, axis=0) + LIFTED_M  # False where it is not seen
+    beyond = np.full(height.shape, np.inf)
+    for rim in corners[..., (0, 2)]:
+        sides = rim[[0, 0]] - rim[[1, 3]]
+        half = np.linalg.norm(sides, axis=1) / 2.0
+        along = np.abs((markers[..., (0, 2)] - rim.mean(axis=0)) @ (sides / (2.0 * half[:, None])).T)
+        np.fmin(beyond, (along - half).max(axis=-1), out=beyond)
+    return np.asarray(np.where(low, beyond, -np.inf).max(axis=1, initial=-np.inf))
+
+
 def _find_over_edge(
     foot: NDArray[np.intp], feet: Mapping[str, Array], forces: GroundForces
 ) -> tuple[Mask, list[Repair]]:
-    """Where a foot that a plate bears reaches beyond the edges of all plates with a marker near the floor."""
+    """Where a foot that a plate bears reaches beyond the edges of all plates, (n, n_feet)."""
     found = np.zeros((len(foot), len(feet)), dtype=bool)
     notes: list[Repair] = []
     if forces.corners is None:
         return found, notes
     for k, (name, markers) in enumerate(feet.items()):
-        height = markers[..., 1]
-        low = height < np.nanpercentile(height, 5, axis=0) + LIFTED_M  # False where it is not seen
-        beyond = np.full(height.shape, np.inf)
-        for rim in forces.corners[..., (0, 2)]:
-            sides = rim[[0, 0]] - rim[[1, 3]]
-            half = np.linalg.norm(sides, axis=1) / 2.0
-            along = np.abs((markers[..., (0, 2)] - rim.mean(axis=0)) @ (sides / (2.0 * half[:, None])).T)
-            np.fmin(beyond, (along - half).max(axis=-1), out=beyond)
-        reach = np.where(low, beyond, -np.inf).max(axis=1, initial=-np.inf)
+        reach = measure_overhang(forces.corners, markers)
         found[:, k] = (foot == k).any(axis=1) & (reach > EDGE_M)
         for start, stop in find_runs(found[:, k]).tolist():
             on = forces.plates[int(np.argmax(foot[start] == k))]

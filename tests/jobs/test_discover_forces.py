@@ -68,6 +68,7 @@ def contacts(foot: list[list[int]], on_floor: list[list[bool]]) -> FootContacts:
         feet=("r", "l"),
         foot=rows,
         on_floor=np.array(on_floor),
+        over_edge=np.zeros((len(rows), 2), dtype=bool),
         supported=np.ones(len(rows), dtype=bool),
         repairs=(),
     )

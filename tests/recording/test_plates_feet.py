@@ -14,7 +14,13 @@ from scaling_service.files.forces import read_forces
 from scaling_service.files.recording import read_recording
 from scaling_service.model.forces import GroundForces
 from scaling_service.recording.plates import synchronise
-from scaling_service.recording.plates_feet import NOBODY, FootContacts, assign_foot_loads, assign_plates
+from scaling_service.recording.plates_feet import (
+    NOBODY,
+    FootContacts,
+    assign_foot_loads,
+    assign_plates,
+    measure_overhang,
+)
 
 STEP, N = 0.01, 200
 TIMES = STEP * np.arange(N)
@@ -159,3 +165,29 @@ def test_real_plates_bear_the_feet_that_their_set_ups_name(shared_data: Path, na
     borne = {(r.where, r.detail.split()[1]) for r in contacts.repairs if r.what == "plate_foot"}
     assert borne == {("plate_1", "r"), ("plate_2", "l")}
     assert contacts.supported.sum() == supported  # the walker leaves two plates; the treadmill holds all
+
+
+def test_a_foot_over_the_edge_of_its_plate_is_borne_by_the_floor_too() -> None:
+    """A plate ends 0.1 m before the left toe; then it is long enough, or another lies behind it."""
+    forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
+
+    def rim(x: tuple[float, float], z: tuple[float, float]) -> Array:
+        return np.array([[x[1], 0.0, z[1]], [x[0], 0.0, z[1]], [x[0], 0.0, z[0]], [x[1], 0.0, z[0]]])
+
+    right, short = rim((-0.1, 0.4), (0.0, 0.3)), rim((0.5, 0.7), (-0.3, 0.0))
+    contacts = assign_plates(replace(forces, corners=np.stack([short, right])), FEET)
+    assert "over_edge" in whats(contacts)
+    (note,) = [r for r in contacts.repairs if r.what == "over_edge"]
+    assert note.where == "l"
+    assert "reaches 100 mm beyond the edge of plate_1" in note.detail
+    assert contacts.over_edge[SECOND, 1].all()
+    assert not contacts.over_edge[:, 0].any()
+    assert not contacts.supported[SECOND].any()
+    assert contacts.supported[20:85].all()
+    for enough in (rim((0.5, 0.9), (-0.3, 0.0)), rim((0.5, 0.81), (-0.3, 0.0))):
+        made = assign_plates(replace(forces, corners=np.stack([enough, right])), FEET)
+        assert made.supported.all()
+        assert "over_edge" not in whats(made)
+    behind = np.stack([short, right, rim((0.7, 1.0), (-0.3, 0.0))])
+    assert measure_overhang(behind, FEET["l"])[SECOND].max() < 0.0  # a second plate behind the first one
+    assert not assign_plates(forces, FEET).over_edge.any()  # no file tells where its plates end

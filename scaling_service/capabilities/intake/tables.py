@@ -25,6 +25,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording import orientation
+from scaling_service.recording.plates_feet import EDGE_M, measure_overhang
 
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
@@ -220,9 +221,13 @@ def describe_plates(
     """
     # Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's.
     clusters = sort_by_segment(trial.labels)
-    feet = {}
+    feet, overhang = {}, {}
     for side in _FEET:
         on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
+        if on and forces.corners is not None:
+            overhang[side] = measure_overhang(
+                forces.corners, np.stack([trial.position(label) for label in on], axis=1)
+            )
         on = on or clusters.get(f"tibia_{side}", [])
         if on:
             feet[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
@@ -263,8 +268,12 @@ def describe_plates(
         contacts += own
         said = []
         for one in own:
+            rows = slice(one.start, one.stop)
+            beyond = [overhang[s][rows][stands[s][rows]] for s in one.who if s in overhang]
+            reach = np.concatenate([[-np.inf], *beyond]).max()
             who = " and ".join(_FEET[side] for side in one.who) or "nobody"
-            said.append(f"{who} {trial.times[one.start]:.2f}–{trial.times[one.stop - 1]:.2f} s")
+            edge = f", {1e3 * reach:.0f} mm over its edge" if reach > EDGE_M else ""
+            said.append(f"{who} {trial.times[one.start]:.2f}–{trial.times[one.stop - 1]:.2f} s{edge}")
         changes = {
             "kind": kinds[k] if k < len(kinds) else None,
             "centre_m": [round(float(v), 3) for v in place],

@@ -62,6 +62,7 @@ def found_of(
         feet=FEET,
         foot=foot,
         on_floor=np.tile(on_floor, (len(TIMES), 1)),
+        over_edge=np.zeros((len(TIMES), 2), dtype=bool),
         supported=np.ones(len(TIMES), dtype=bool),
         repairs=(),
     )

@@ -34,7 +34,6 @@ from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
 from scaling_service.capabilities.discovery.ordinary.levels import (
     FACTORS,
-    find_most,
     learn_level,
     weigh_level,
 )
@@ -304,7 +303,7 @@ class WrenchTable:
             for owner, at in owned.items():
                 known = float((1.0 - np.diag(inverse)[at]).sum())
                 square = float(np.square(strength[at]).sum())
-                anew = learn_level(levels[owner], square, known, find_most(owner))
+                anew = learn_level(levels[owner], square, known, 1.0)
                 levels[owner] = math.sqrt(levels[owner] * anew)
         return best
 

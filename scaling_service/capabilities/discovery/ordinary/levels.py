@@ -24,16 +24,16 @@ _ROUNDS, _SETTLED = 50, 1e-9
 
 
 def find_most(level: str) -> float:
-    """How large a level may be: skin, joints' glide and masses may be livelier than people's are.
+    """How large a level may be: skin and joints' glide may be livelier than people's are.
 
-    That a model is worse than models are, or plates are laid worse than plates are, is looked for.
+    That a model is worse than models are is looked for.
 
     Examples
     --------
     >>> find_most("legs"), find_most("joint legs")
     (inf, 1.0)
     """
-    return math.inf if level in (*PARTS, "trunk", "masses") or level.startswith("glide") else 1.0
+    return math.inf if level in (*PARTS, "trunk") or level.startswith("glide") else 1.0
 
 
 def learn_level(

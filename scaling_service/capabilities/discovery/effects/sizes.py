@@ -16,6 +16,8 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.reference import find_reference_folder, read_reference
 
+_HARDLY = 0.025  # probability of a size that is met, below which it is not (one tail of 95 %)
+
 
 @dataclass(frozen=True, slots=True)
 class Range:
@@ -73,6 +75,25 @@ def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | Non
         found.append(0.5 * far / column.unit)
     sds = np.array(found)
     return sds if len(sds) and np.isfinite(sds).all() and (sds > 0.0).all() else None
+
+
+def settle_size(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> Array | None:
+    """A size (SI) with deviations, given that laboratories meet it: the mean within the ranges.
+
+    None where it lies beyond a range by more than it is uncertain: then it is something else.
+    """
+    usual, found = look_up_usual_sizes(candidate, model), size.copy()
+    for k, (column, sd) in enumerate(zip(candidate.columns, np.sqrt(np.diag(covariance)), strict=True)):
+        known, shown = usual(column.name), column.neutral + column.unit * size[k]
+        if known is None or known.low <= shown <= known.high:
+            continue
+        spread = abs(column.unit) * float(sd)
+        chance = known.chance(shown, spread)
+        if chance < _HARDLY:
+            return None
+        ends = scipy.stats.norm.pdf([(known.low - shown) / spread, (known.high - shown) / spread])
+        found[k] += (ends[0] - ends[1]) * spread / (chance * column.unit)
+    return found
 
 
 def is_met(candidate: Candidate, size: Array, model: BodyModel) -> bool:

@@ -18,6 +18,7 @@ from scaling_service.capabilities.discovery.effects.sizes import (
     is_met,
     list_usual_deviations,
     look_up_usual_sizes,
+    settle_size,
 )
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
@@ -110,7 +111,11 @@ class Naming:
                 break
             if key in self.refused or key in taken:
                 continue
-            size = np.zeros(0) if one.scored is None else one.scored.size
+            size = np.zeros(0)
+            if one.scored is not None:
+                covariance = one.scored.covariance
+                settled = settle_size(one.candidate, one.scored.size, covariance, self.fit.model)
+                size = one.scored.size if settled is None else settled
             if not self._is_met(one.candidate, size):
                 self.refused.add(key)
                 continue

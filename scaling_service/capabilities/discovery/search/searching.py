@@ -21,6 +21,7 @@ from scaling_service.capabilities.discovery.effects.marker_swap import find_exch
 from scaling_service.capabilities.discovery.effects.sizes import (
     is_met,
     list_usual_deviations,
+    settle_size,
 )
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
 from scaling_service.capabilities.discovery.laws.candidates import (
@@ -159,7 +160,7 @@ class Search(Naming):
                 break
             self.fit = self._refit_markers(tuned)
             body = self._tabulate(self.fit)
-        again = body.reestimate()
+        again = [(self._settle(e, c), c) for e, c in body.reestimate()]
         self.covariances |= {e.candidate.key: covariance for e, covariance in again}
         unmet = [e for e, _ in again if not is_met(e.candidate, e.size, self.fit.model)]
         unmet += [
@@ -181,6 +182,11 @@ class Search(Naming):
         """An effect of the body, for good."""
         self._forget(key)
         self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key != key])
+
+    def _settle(self, effect: Estimate, covariance: Array) -> Estimate:
+        """Within what laboratories meet, where that is as uncertain."""
+        size = settle_size(effect.candidate, effect.size, covariance, self.fit.model)
+        return effect if size is None else Estimate(effect.candidate, size)
 
     def _has_moved(self, effect: Estimate, covariance: Array) -> bool:
         before = next(e for e in self.fit.effects if e.candidate.key == effect.candidate.key)
@@ -324,7 +330,8 @@ class Search(Naming):
             touches=list_touches,
         )
         self.covariances |= {e.candidate.key: covariance for e, covariance in loads.named}
-        moved = {e.candidate.key: e for e, c in loads.named if self._has_moved(e, c)}
+        settled = [(self._settle(e, c), c) for e, c in loads.named]
+        moved = {e.candidate.key: e for e, c in settled if self._has_moved(e, c)}
         if moved:
             self.fit = self._refit_forces([moved.get(e.candidate.key, e) for e in self.fit.effects])
         places = Counter(c.kind for c, _ in choice)

@@ -212,7 +212,7 @@ def _minimise(
 def _point_away(points: Array, centre: Array, out: Array) -> Array:
     """Distances (n,) of points (3, n) from a centre (3,); unit vectors from them to it go to ``out``."""
     np.subtract(centre[:, None], points, out=out)
-    distance = np.sqrt(np.einsum("in,in->n", out, out))
+    distance: Array = np.sqrt(np.einsum("in,in->n", out, out))
     np.maximum(distance, 1e-300, out=distance)
     out /= distance
     return distance

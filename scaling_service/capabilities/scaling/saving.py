@@ -164,8 +164,9 @@ def _write_method(
     clinical_gait.write_clinical(folder, gait)
     if results.muscles is not None:
         compare.write_courses(folder, results.muscles.courses[calibration.method])
-    text = osim if isinstance(osim, str) else None
-    if text is not None:
+    text = None
+    if isinstance(osim, str):
+        text = osim
         replace_text(folder / "model.osim", text)
         if calibration.model.posterior is not None:
             warnings.append(MARKERS_HELD)

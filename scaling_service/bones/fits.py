@@ -104,7 +104,7 @@ def refine_sphere(
     for step in range(_SPHERE_STEPS):
         about = about.widen(surface, centre, radius + limit)
         offset = about.smooth - centre
-        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+        distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", offset, offset)), 1e-9)
         facing = sign * np.einsum("ij,ij->i", offset, about.normals) / distance
         gap = distance - radius
         near = (np.abs(gap) < limit) & (facing > _ALIGNED)

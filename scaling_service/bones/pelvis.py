@@ -271,13 +271,14 @@ def _level_spines(
     touching: dict[str, Array] = {}
     for side, sign in _SIDES:
         touching |= _find_plane_tips(surface, frame, side, sign, find)
-    level, spines = frame, dict(touching)
+    level, spines, places = frame, dict(touching), {}
+    for side, sign in _SIDES:
+        near = np.linalg.norm(surface.smooth - touching[f"asis_{side}"], axis=1) < _SPINE_M
+        regions = _select_regions(surface, frame, sign)
+        places[side] = near & regions.ilium, regions.beside_sacrum if sacrum else regions.rear
     for _ in range(_TURNS):
-        for side, sign in _SIDES:
-            near = np.linalg.norm(surface.smooth - touching[f"asis_{side}"], axis=1) < _SPINE_M
-            regions = _select_regions(surface, frame, sign)
-            spines[f"asis_{side}"] = _find_furthest(surface, level.x, near & regions.ilium, "ASIS", find)
-            rear = regions.beside_sacrum if sacrum else regions.rear
+        for side, (front, rear) in places.items():
+            spines[f"asis_{side}"] = _find_furthest(surface, level.x, front, "ASIS", find)
             spines[f"psis_{side}"] = _find_furthest(surface, -level.x, rear, "PSIS", find)
         level = _turn_forward(
             frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"]

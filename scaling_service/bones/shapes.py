@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _MAX_STEPS = 50  # chosen: Gauss-Newton needs 5 to 10 on real bones
+_OPEN = float(np.finfo(float).eps)  # share of the largest eigenvalue that is rounding, times the unknowns
 _RELATIVE_STEP = 1e-12  # chosen: a step below this share of the radius changes nothing that can be printed
 
 
@@ -63,11 +64,12 @@ def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | No
     points, w = _check(points, weights, least=4)
     centre = _guess_centre(points, w) if start is None else np.asarray(start, dtype=float)
     x = np.append(centre, w @ np.linalg.norm(points - centre, axis=1))
+    rows = np.ascontiguousarray(points.T)
 
     def linearise(x: Array) -> tuple[Array, Array]:
-        offset = points - x[:3]
-        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
-        return distance - x[3], np.column_stack([-offset / distance[:, None], -np.ones(len(points))])
+        jacobian = np.full((4, rows.shape[1]), -1.0)
+        distance = _point_away(rows, x[:3], jacobian[:3])
+        return distance - x[3], jacobian
 
     x, rms, converged = _minimise(linearise, lambda x, step: x + step, x, w, size=lambda x: abs(x[3]))
     return SphereFit(centre=x[:3], radius=float(x[3]), rms=rms, converged=bool(converged and x[3] > 0))
@@ -99,19 +101,17 @@ def fit_sphere_pair(
     q, v = _check(second, second_counts, least=4)
     counts = np.concatenate([w * first_counts.sum(), v * second_counts.sum()]) / noise**2
     weights = np.append(counts, 1.0 / alike**2)
-    n = len(p)
+    n, parts = len(p), [np.ascontiguousarray(points.T) for points in (p, q)]
 
     def linearise(x: Array) -> tuple[Array, Array]:
-        jacobian = np.zeros((len(weights), 8))
+        jacobian = np.zeros((8, len(weights)))
         residual = np.empty(len(weights))
-        for rows, points, k in ((slice(0, n), p, 0), (slice(n, -1), q, 4)):
-            offset = points - x[k : k + 3]
-            distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
-            residual[rows] = distance - x[k + 3]
-            jacobian[rows, k : k + 3] = -offset / distance[:, None]
-            jacobian[rows, k + 3] = -1.0
+        for some, points, k in ((slice(0, n), parts[0], 0), (slice(n, -1), parts[1], 4)):
+            distance = _point_away(points, x[k : k + 3], jacobian[k : k + 3, some])
+            residual[some] = distance - x[k + 3]
+            jacobian[k + 3, some] = -1.0
         residual[-1] = x[3] - x[7]
-        jacobian[-1, 3], jacobian[-1, 7] = 1.0, -1.0
+        jacobian[3, -1], jacobian[7, -1] = 1.0, -1.0
         return residual, jacobian
 
     x = np.concatenate([np.append(fit.centre, fit.radius) for fit in starts])
@@ -149,7 +149,7 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
         radial = offset - along[:, None] * a
         distance = np.maximum(np.linalg.norm(radial, axis=1), 1e-300)
         u1, u2 = radial @ first / distance, radial @ second / distance
-        return distance - x[6], np.column_stack([-u1, -u2, -along * u1, -along * u2, -np.ones(len(points))])
+        return distance - x[6], np.stack([-u1, -u2, -along * u1, -along * u2, -np.ones(len(points))])
 
     def move(x: Array, step: Array) -> Array:
         first, second = span_plane(x[3:6])
@@ -179,15 +179,19 @@ def _minimise(
     w: Array,
     size: Callable[[Array], float],
 ) -> tuple[Array, float, bool]:
-    """Damped Gauss-Newton (Levenberg-Marquardt); returns the best point, its rms, and whether it settled."""
+    """Damped Gauss-Newton (Levenberg-Marquardt); returns the best point, its rms, and whether it settled.
+
+    ``linearised``: residuals (n,) and their Jacobian, a row for each unknown, (k, n).
+    """
     residual, jacobian = linearised(x)
     cost, damping = float(w @ residual**2), 0.0
     for _ in range(_MAX_STEPS):
-        normal = jacobian.T @ (w[:, None] * jacobian)
-        slope = jacobian.T @ (w * residual)
-        diagonal = np.diag(normal)
-        damped = normal + damping * np.diag(diagonal)
-        step = np.linalg.lstsq(damped, -slope, rcond=None)[0].astype(float)
+        normal = (w * jacobian) @ jacobian.T
+        np.fill_diagonal(normal, (1.0 + damping) * normal.diagonal())
+        # The shortest of the steps that solve it, where the points leave something open
+        sizes, ways = np.linalg.eigh(normal)
+        sizes[np.abs(sizes) <= _OPEN * len(sizes) * np.abs(sizes).max()] = np.inf
+        step = -ways @ (ways.T @ (jacobian @ (w * residual)) / sizes)
         candidate = moved(x, step)
         new_residual, new_jacobian = linearised(candidate)
         new_cost = float(w @ new_residual**2)
@@ -203,6 +207,15 @@ def _minimise(
         else:
             damping = max(10.0 * damping, 1e-6)
     return x, float(np.sqrt(cost)), False
+
+
+def _point_away(points: Array, centre: Array, out: Array) -> Array:
+    """Distances (n,) of points (3, n) from a centre (3,); unit vectors from them to it go to ``out``."""
+    np.subtract(centre[:, None], points, out=out)
+    distance: Array = np.sqrt(np.einsum("in,in->n", out, out))
+    np.maximum(distance, 1e-300, out=distance)
+    out /= distance
+    return distance
 
 
 def _guess_centre(points: Array, w: Array) -> Array:

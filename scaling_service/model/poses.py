@@ -67,6 +67,8 @@ def follow(joints: Sequence[Joint], values: Mapping[str, float], start: Frame | 
     rotation, origin = start if start is not None else (np.eye(3), np.zeros(3))
     for joint in joints:
         value = evaluate_law(joint.law, values)
+        if value == 0.0:  # as most are in a neutral pose
+            continue
         if joint.kind == "translation":
             origin = origin + rotation @ (value * np.asarray(joint.axis))
         else:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 
 from scaling_service.bones.shapes import (
     SphereFit,
@@ -53,6 +54,23 @@ def test_the_geometric_fit_is_less_biased_than_the_algebraic_one() -> None:
     mean, error = float(np.mean(radii)), float(np.std(radii)) / np.sqrt(len(radii))
     # The algebraic fit of the same points is 2 mm too small.
     assert abs(mean - 20.0) < 0.25 + 3 * error
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_the_sphere_is_that_of_a_general_solver(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = cap(rng, 60, np.array([1.0, 2.0, 3.0]), 0.5) + rng.normal(0, 0.005, (60, 3))
+    weights = rng.uniform(0.1, 1.0, 60)
+    ours = fit_sphere(points, weights)
+    theirs = least_squares(
+        lambda x: np.sqrt(weights) * (np.linalg.norm(points - x[:3], axis=1) - x[3]),
+        np.append(points.mean(axis=0), 0.4),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    np.testing.assert_allclose(np.append(ours.centre, ours.radius), theirs.x, rtol=0, atol=1e-7)
 
 
 def test_points_without_weight_do_not_count() -> None:

@@ -24,7 +24,7 @@ FEW = ["--workers", "1", "--frames", "20", "--smooth-hz", "0"]
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Writing .osim files takes a second each, and is tested elsewhere."""
-    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
+    monkeypatch.setattr(saving, "render_scaled", lambda found, _: ["<model/>"] * len(found))
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from tests.jobs.laboratory import document, laboratory, write_subject
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Writing .osim files takes a second each, and is tested elsewhere."""
-    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
+    monkeypatch.setattr(saving, "render_scaled", lambda found, _: ["<model/>"] * len(found))
 
 
 @pytest.fixture(scope="module")

@@ -42,7 +42,7 @@ def mirror(
 ) -> Iterator[Mirror]:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(catalogues, "read_catalogue", lambda: catalogue)
-    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
+    monkeypatch.setattr(saving, "render_scaled", lambda found, _: ["<model/>"] * len(found))
     bones = {f"owner/name.of-it/{catalogue['bones_only'].commit}/F.stl": b"no mesh"}
     with serve(laid_out(catalogue["walker"], files) | bones) as server:
         monkeypatch.setenv("SCALING_SERVICE_DATASETS_URL", server.url)

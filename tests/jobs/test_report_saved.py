@@ -19,7 +19,7 @@ from tests.report.reading import held, read
 
 @pytest.fixture
 def no_osim(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
+    monkeypatch.setattr(saving, "render_scaled", lambda found, _: ["<model/>"] * len(found))
 
 
 @pytest.mark.usefixtures("no_osim")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.scaling.clinical_gait import ClinicalGait
 from scaling_service.capabilities.scaling.comparison.geometry import measure_geometry
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.saving import save
@@ -31,7 +33,7 @@ needs_opensim = pytest.mark.skipif(
 @pytest.fixture
 def no_osim(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the slow writing of .osim files where they do not matter."""
-    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
+    monkeypatch.setattr(saving, "render_scaled", lambda found, _: ["<model/>"] * len(found))
 
 
 def everything(folder: Path) -> set[str]:
@@ -106,12 +108,11 @@ def test_a_folder_in_use_keeps_what_is_not_ours(results: Results, tmp_path: Path
 
 
 def test_a_failure_leaves_nothing(results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(calibration: Calibration, _session: object) -> str:
-        if calibration is results.scalings["MB_am"].calibration:
+    def refuse(_folder: Path, gait: ClinicalGait) -> None:
+        if gait is results.gait["MB_am"]:
             raise OSError("no space is left")
-        return "<model/>"
 
-    monkeypatch.setattr(saving, "render_scaled", refuse)
+    monkeypatch.setattr(saving.clinical_gait, "write_clinical", refuse)
     with pytest.raises(OSError, match="no space"):
         save(results, tmp_path / "out")
     assert everything(tmp_path) == set()
@@ -120,8 +121,11 @@ def test_a_failure_leaves_nothing(results: Results, tmp_path: Path, monkeypatch:
 def test_without_opensim_the_rest_is_written_and_said(
     results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def absent(*_: object) -> str:
-        raise DependencyMissing("no opensim", remedy="Install it with `pip install scaling-service[opensim]`")
+    def absent(found: Sequence[Calibration], _session: object) -> list[InputError]:
+        said = DependencyMissing(
+            "no opensim", remedy="Install it with `pip install scaling-service[opensim]`"
+        )
+        return [said] * len(found)
 
     monkeypatch.setattr(saving, "render_scaled", absent)
     document = save(results, tmp_path)

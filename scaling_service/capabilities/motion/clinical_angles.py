@@ -209,7 +209,9 @@ class ClinicalCycles:
     values: abc.Mapping[str, Array]
 
 
-def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAngles:
+def compute_clinical_angles(
+    model: body.BodyModel, motion: Motion, placed: abc.Mapping[str, body.Marker] | None = None
+) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
     Joint centres and landmarks are the model's own and move with its segments (see
@@ -217,6 +219,7 @@ def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAn
 
     ``model``: built-in or from OpenSim, y up.
     ``motion``: coordinates that the recording does not determine make what hangs on them NaN.
+    ``placed``: the model's landmarks, where they are found already.
 
     Examples
     --------
@@ -232,7 +235,7 @@ def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAn
     >>> round(float(angles.values["r"]["knee_flexion"][0]), 6) + 0.0, angles.left_out
     (0.0, ('ankle and foot: the model has no heel and toe',))
     """
-    points = track_landmarks(model, motion, find_clinical_landmarks(model))
+    points = track_landmarks(model, motion, find_clinical_landmarks(model) if placed is None else placed)
     sides = {side: anatomy_frames.compute_conventional_angles(points, side) for side in anatomy_frames.SIDES}
     unknown = np.full((len(motion.times), 3), np.nan)
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0

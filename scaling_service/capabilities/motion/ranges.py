@@ -20,7 +20,7 @@ from scaling_service.core import arrays
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
 from scaling_service.model.builtin import lock_unmarked
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.least_squares.problem import find_distinct_patterns, find_seen
 from scaling_service.numerics.multibody import tree as trees
 
 _MARKER_M = 0.010
@@ -97,7 +97,8 @@ def weigh_ranges(
     (n_coordinates,); ``p`` (n_parameters,).
     """
     seen = find_seen(measured)
-    patterns, which = np.unique(seen, axis=0, return_inverse=True)
+    first, which = find_distinct_patterns(seen)
+    patterns = seen[first]
     spread = list_prior_sds(model)
     unit = float(np.median(weights[weights > 0.0])) if (weights > 0.0).any() else 1.0
     leads = weights > _FOLLOWS * unit
@@ -106,7 +107,6 @@ def weigh_ranges(
     if (~leads & (weights > 0.0)).any():  # what followers show, where nothing else does, is left to them
         followed = measure_left(model, tree, (patterns & (weights > 0.0)).astype(float), free, p) <= _MORE
         weight = np.where(followed, 0.0, weight)
-    which = which.reshape(-1)
     return Ranges(
         compiling.repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which]
     )
@@ -139,14 +139,13 @@ def measure_left(
         middle = np.where(asked, 0.5 * (lower + upper), neutral)
     variables = np.flatnonzero(free)
     poses = trees.pose_links(tree, np.stack([neutral + s * (middle - neutral) for s in _BENT], axis=1), p)
-    rates = np.moveaxis(
-        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
-    )
-    rates = rates / _MARKER_M  # (n_poses, n_markers, 3, n_variables)
+    rates = trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables)
+    rates = rates.transpose(3, 1, 2, 0) / _MARKER_M  # (n_poses, n_markers, 3, n_variables)
     prior = np.where(asked, 1.0 / np.square(spread), _LEAST)[variables]
-    each = np.einsum("pmak,pmal->pmkl", rates, rates)
-    information = np.einsum("nm,pmkl->npkl", told, each) + np.diag(prior)
-    variance = np.einsum("npkk->npk", np.linalg.inv(information))
+    each = rates.swapaxes(2, 3) @ rates
+    count, few = len(variables), len(_BENT)
+    information = (told @ each.swapaxes(0, 1).reshape(len(each[0]), -1)).reshape(-1, few, count, count)
+    variance = np.einsum("npkk->npk", np.linalg.inv(information + np.diag(prior)))
     left[:, variables] = np.where(asked[variables], (variance * prior).min(axis=1), 0.0)
     return left
 

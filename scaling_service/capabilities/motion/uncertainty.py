@@ -307,27 +307,17 @@ def find_determined(
     obeys, which determines coordinates as markers do.
     """
     shown = problem.find_seen(measured)
-    first, which = find_distinct_patterns(shown)
+    first, which = problem.find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
     verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables, closure)
-    for share in _OTHERS:
-        open_still = np.flatnonzero(~verdict.all(axis=1))
-        rows = np.array(
-            [(own := np.flatnonzero(which == k))[int(share * (len(own) - 1))] for k in open_still], int
-        )
-        if len(rows):
-            again = _judge(tree, shown[rows], weights, q[rows], p, variables, closure)
-            verdict[np.ix_(open_still, variables)] |= again
+    doubted = np.flatnonzero(~verdict.all(axis=1))
+    if len(doubted):
+        frames = [np.flatnonzero(which == k) for k in doubted]
+        rows = np.array([own[int(share * (len(own) - 1))] for share in _OTHERS for own in frames])
+        again = _judge(tree, shown[rows], weights, q[rows], p, variables, closure)
+        verdict[np.ix_(doubted, variables)] |= again.reshape(len(_OTHERS), len(doubted), -1).any(axis=0)
     return verdict[which]
-
-
-def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The first frame of every pattern (n_frames, n_markers), and the pattern of every frame."""
-    packed = np.ascontiguousarray(np.packbits(shown, axis=1))  # one item a frame sorts far faster than rows
-    items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
-    _, first, which = np.unique(items, return_index=True, return_inverse=True)
-    return first, which
 
 
 def _judge(

@@ -199,8 +199,10 @@ def compute_clinical_gait(
     ``fitted``: trials that the model was fitted to: their cycles count only where no other trial shows one.
     """
     followed = [trial for trial in trials if trial.name in motions]
+    placed = clinical_angles.find_clinical_landmarks(model)
     recordings = {
-        trial.name: clinical_angles.compute_clinical_angles(model, motions[trial.name]) for trial in followed
+        trial.name: clinical_angles.compute_clinical_angles(model, motions[trial.name], placed)
+        for trial in followed
     }
     held_out = [trial for trial in followed if trial.name not in fitted]
     cycles = _cut_cycles(recordings, held_out)

@@ -8,6 +8,7 @@ from collections import abc
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,9 +28,9 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core import progress as progressing
-from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.results import TruthDocument
-from scaling_service.files.osim.models import render_osim
+from scaling_service.files.osim.models import render_several, request_osim
 from scaling_service.model import builtin
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
@@ -202,10 +203,10 @@ def run(
 def _with_muscles(results: result.Results, progress: progressing.Progress) -> result.Results:
     """The results with what each method makes of the muscles, on held-out trials where there are some."""
     session = results.session
-    scalings = {
-        name: s if s.osim is not None else replace(s, osim=render_scaled(s.calibration, session))
-        for name, s in results.scalings.items()
-    }
+    scalings = dict(results.scalings)
+    bare = [name for name, scaling in scalings.items() if scaling.osim is None]
+    for name, text in zip(bare, render_scaled([scalings[n].calibration for n in bare], session), strict=True):
+        scalings[name] = replace(scalings[name], osim=_expect_text(text))
     trials = results.held_out or tuple(trial.name for trial in session.dynamic)
     models = {name: (s.calibration.model, s.osim or "") for name, s in scalings.items()}
     motions = {name: s.motions for name, s in scalings.items()}
@@ -225,7 +226,7 @@ def _put_on_surfaces(scaling: result.Scaling, session: subjects.Session) -> resu
     if session.images is None or not calibration.image_poses:
         return scaling
     found = follow_surfaces(
-        render_scaled(calibration, session), calibration, session.images.bones, Path(source)
+        _expect_text(*render_scaled([calibration], session)), calibration, session.images.bones, Path(source)
     )
     noted = replace(calibration, warnings=(*calibration.warnings, *found.notes))
     return replace(scaling, calibration=noted, osim=found.osim, attachments=found.moved)
@@ -240,23 +241,38 @@ def _keep_ranges(scaling: result.Scaling, session: subjects.Session) -> result.S
             field="model",
             remedy="Give an .osim model with muscles, or leave out --muscle-parameters",
         )
-    text = scaling.osim or render_scaled(calibration, session)
+    text = scaling.osim or _expect_text(*render_scaled([calibration], session))
     osim, kept = keep_ranges(text, hold_markers(calibration.model), Path(source))
     said = (f"fibres and tendons kept their ratio of {', '.join(kept)}",) if kept else ()
     noted = replace(calibration, warnings=(*calibration.warnings, *said))
     return replace(scaling, calibration=noted, osim=osim)
 
 
-def render_scaled(calibration: Calibration, session: subjects.Session) -> str:
-    """The text of a scaled model's file for OpenSim (DependencyMissing: OpenSim is not installed).
+def _expect_text(found: str | InputError) -> str:
+    if isinstance(found, InputError):
+        raise found
+    return found
 
-    Markers that skin moves with joints stand there where they are in the neutral pose.
+
+def render_scaled(
+    calibrations: abc.Sequence[Calibration], session: subjects.Session
+) -> list[str | InputError]:
+    """The text of each scaled model's file for OpenSim, or why there is none.
+
+    Markers that skin moves with joints stand there where they are in the neutral pose. Raises FileUnreadable:
+    OpenSim crashed.
     """
+    if not calibrations:
+        return []
+    return render_several([_request_scaled(calibration, session) for calibration in calibrations])
+
+
+def _request_scaled(calibration: Calibration, session: subjects.Session) -> dict[str, Any]:
     subject, setup = session.subject, session.scale_setup
     model = hold_markers(calibration.model)
     if not subject.model.lower().endswith(".osim"):
-        return render_osim(model)
-    return render_osim(
+        return request_osim(model)
+    return request_osim(
         model,
         source=Path(subject.model),
         factors=calibration.scale_factors,

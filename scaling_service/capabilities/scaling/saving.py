@@ -104,9 +104,14 @@ def save(
     tell, gait, verdict = progress or show_nothing, results.gait, results.verdict
     with writing.all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, documents.MethodResult] = {}
+        bare = [name for name, scaling in results.scalings.items() if scaling.osim is None]
+        models = [results.scalings[name].calibration for name in bare]
+        texts = dict(zip(bare, render_scaled(models, results.session), strict=True))
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
-            methods[method] = _write_method(scratch / method, scaling, gait[method], results)
+            methods[method] = _write_method(
+                scratch / method, scaling, gait[method], results, scaling.osim or texts[method]
+            )
         document = make_comparison_document(results, methods, truth, verdict)
         for method, own in make_scaling_documents(document).items():
             writing.write_json(scratch / method / "scaling.json", own)
@@ -133,9 +138,16 @@ def make_report(results: result.Results, document: documents.ComparisonDocument)
 
 
 def _write_method(
-    folder: Path, scaling: result.Scaling, gait: clinical_gait.ClinicalGait, results: result.Results
+    folder: Path,
+    scaling: result.Scaling,
+    gait: clinical_gait.ClinicalGait,
+    results: result.Results,
+    osim: str | errors.InputError,
 ) -> documents.MethodResult:
-    """The method's files but for ``scaling.json``, and what that will say of it."""
+    """The method's files but for ``scaling.json``, and what that will say of it.
+
+    ``osim``: the text of its ``model.osim``, or why there is none.
+    """
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
     content = json.dumps(to_document(calibration.model), indent=1, allow_nan=False)
@@ -153,13 +165,15 @@ def _write_method(
     if results.muscles is not None:
         compare.write_courses(folder, results.muscles.courses[calibration.method])
     text = None
-    try:
-        text = scaling.osim or render_scaled(calibration, results.session)
+    if isinstance(osim, str):
+        text = osim
         replace_text(folder / "model.osim", text)
         if calibration.model.posterior is not None:
             warnings.append(MARKERS_HELD)
-    except (errors.DependencyMissing, errors.ModelRefused) as error:
-        warnings.append(f"model.osim was not written: {error}")
+    elif isinstance(osim, errors.DependencyMissing | errors.ModelRefused):
+        warnings.append(f"model.osim was not written: {osim}")
+    else:
+        raise osim
     if scaling.attachments:
         write_attachments(folder / "attachments.csv", scaling.attachments)
     if results.options.export:

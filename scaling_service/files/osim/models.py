@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
@@ -80,16 +80,18 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
             file=request.get("file"),
             remedy="Open the file in OpenSim itself to see whether it is sound",
         ) from None
-    problem = answer.get("error")
-    if problem is not None:
-        kind = _KINDS.get(problem["kind"], InputError)
-        raise kind(
-            problem["problem"],
-            file=problem["file"] or request.get("file"),
-            field=problem["field"],
-            remedy=problem["remedy"],
-        )
+    if "error" in answer:
+        raise _make_error(answer["error"], request)
     return answer
+
+
+def _make_error(problem: Mapping[str, Any], request: Mapping[str, Any]) -> InputError:
+    return _KINDS.get(problem["kind"], InputError)(
+        problem["problem"],
+        file=problem["file"] or request.get("file"),
+        field=problem["field"],
+        remedy=problem["remedy"],
+    )
 
 
 def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
@@ -184,7 +186,32 @@ def _report_no_model(path: Path) -> FileUnreadable:
     return FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
 
 
-def render_osim(
+def render_osim(model: body.BodyModel, **how: Any) -> str:
+    """The text of a model's file for OpenSim, checked by reading it back.
+
+    ``how``: as for :func:`request_osim`. Raises DependencyMissing, FileUnreadable: as for reading.
+    Raises ModelRefused: if OpenSim cannot represent a component, or the file read back differs from ``model``
+        by more than ``to_opensim.SAME`` at some pose; ``field`` names it.
+    """
+    text: str = ask(request_osim(model, **how))["text"]
+    return text
+
+
+def render_several(requests: Sequence[Mapping[str, Any]]) -> list[str | InputError]:
+    """What :func:`render_osim` returns or raises for each of several models, by one worker.
+
+    ``requests``: from :func:`request_osim`, one or more. Loading OpenSim takes ten times as long as writing a
+    model. Raises FileUnreadable: the worker crashed or took too long.
+    """
+    together = {"operation": "several", "requests": list(requests), "file": requests[0]["file"]}
+    answers = ask(together, time_limit_s=TIME_LIMIT_S * len(requests))["answers"]
+    return [
+        _make_error(answer["error"], request) if "error" in answer else answer["text"]
+        for answer, request in zip(answers, requests, strict=True)
+    ]
+
+
+def request_osim(
     model: body.BodyModel,
     *,
     source: Path | None = None,
@@ -195,8 +222,8 @@ def render_osim(
     marker_set: Path | None = None,
     preserve_mass_distribution: bool = True,
     inertia_from_model: bool = False,
-) -> str:
-    """The text of a model's file for OpenSim, checked by reading it back.
+) -> dict[str, Any]:
+    """What to ask a worker for to write a model's file for OpenSim.
 
     ``model``: what the file must represent, with all parameters folded into the laws.
     ``source``: the generic ``.osim`` file it was made from: it is scaled by OpenSim itself with ``factors``
@@ -212,13 +239,10 @@ def render_osim(
     ``preserve_mass_distribution``: as for OpenSim's scale tool.
     ``inertia_from_model``: take masses, centres of mass and inertias from ``model`` instead of OpenSim's
         scaling.
-    Raises DependencyMissing, FileUnreadable: as for reading.
-    Raises ModelRefused: if OpenSim cannot represent a component, or the file read back differs from ``model``
-        by more than ``to_opensim.SAME`` at some pose; ``field`` names it.
     """
     if model.parameters:
         raise ValueError("fold the parameters into the laws before writing a model")
-    request = {
+    return {
         "operation": "write",
         "model": document.to_document(model),
         "file": str(source.resolve()) if source is not None else None,
@@ -230,8 +254,6 @@ def render_osim(
         "preserve_mass_distribution": preserve_mass_distribution,
         "inertia_from_model": inertia_from_model,
     }
-    text: str = ask(request)["text"]
-    return text
 
 
 def write_osim(path: Path, model: body.BodyModel, **how: Any) -> None:

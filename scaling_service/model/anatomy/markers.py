@@ -13,7 +13,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 
 from scaling_service.core.errors import InputError
@@ -98,6 +98,7 @@ def make_plain_key(name: str) -> str:
     return _SEPARATORS.sub("", strip_prefix(name).upper()).removesuffix(_SUFFIX)
 
 
+@lru_cache(maxsize=4096)  # chosen: more names than a batch of laboratories uses
 def look_up_meaning(name: str) -> Meaning | None:
     """What a name stands for in the marker sets that are known; None if in none, or in two differently.
 

@@ -177,15 +177,10 @@ class Values:
                 values[k], slopes[k] = factor.shape.evaluate(q[list(factor.coordinates)])
         return cls(values, slopes, p)
 
-    def vector(self, constant: Array, terms: tuple[TermArrays, ...]) -> Array:
-        """Value of a shift's law, (3, n_frames) or (3, 1)."""
-        total = constant[:, None]
-        for term in terms:
-            gain = term.gain * (self.p[term.parameter] if term.parameter != NONE else 1.0)
-            total = total + (
-                gain[:, None] * self.factors[term.factor] if term.factor != NONE else gain[:, None]
-            )
-        return total
+    def scalar(self, term: TermArrays) -> Array | float:
+        """What a term's gain is multiplied by, (n_frames,) or one number for all."""
+        scale = self.p[term.parameter] if term.parameter != NONE else 1.0
+        return scale * self.factors[term.factor] if term.factor != NONE else scale
 
     def by_coordinate(self, term: TermArrays, number: int = 0) -> Array | float:
         """Derivative of a term's scalar part with one of its factor's coordinates, per unit gain."""

@@ -81,11 +81,10 @@ class Tree:
         """Parameters that enter one term of one marker and nothing else: the marker and the term."""
         found: dict[int, tuple[int, laws.TermArrays]] = {}
         taken = [e.term.parameter for entries in self.entries_of_link for e in entries]
-        for marker, terms in self.terms_of_marker.items():
-            for term in terms:
-                if term.parameter in found:
-                    taken.append(term.parameter)
-                found[term.parameter] = (marker, term)
+        for item in self.marker_terms:
+            if item.term.parameter in found:
+                taken.append(item.term.parameter)
+            found[item.term.parameter] = (item.marker, item.term)
         return {k: at for k, at in found.items() if k not in (laws.NONE, *taken)}
 
     @cached_property
@@ -110,14 +109,6 @@ class Tree:
             )
             for link in self.links
         )
-
-    @cached_property
-    def terms_of_marker(self) -> dict[int, tuple[laws.TermArrays, ...]]:
-        """The varying terms of each marker that has any."""
-        terms: dict[int, tuple[laws.TermArrays, ...]] = {}
-        for item in self.marker_terms:
-            terms[item.marker] = (*terms.get(item.marker, ()), item.term)
-        return terms
 
 
 def list_variables(tree: Tree, term: laws.TermArrays) -> list[int]:
@@ -208,18 +199,12 @@ def pose_links(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> P
     return Poses(plan, frames, values)
 
 
-def turn_to_ground(axes: Array, local: Array) -> Array:
-    """A local vector (3, n_frames or 1) in ground, (3, n_frames), by a frame's axes (3, 3, n_frames)."""
-    result: Array = axes[0] * local[0] + axes[1] * local[1] + axes[2] * local[2]
-    return result
-
-
 def evaluate_local_positions(tree: Tree, p: Array) -> Array:
     """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, 1), m."""
     values = laws.Values.of(tree.factors, tree.shape_groups, np.zeros((tree.n_coordinates, 1)), p)
     result = tree.marker_local[:, :, None].astype(float)
-    for marker, terms in tree.terms_of_marker.items():
-        result[marker] += values.vector(np.zeros(3), terms)
+    for item in tree.marker_terms:
+        result[item.marker] += item.term.gain[:, None] * values.scalar(item.term)
     return result
 
 
@@ -235,10 +220,18 @@ def place_tree_markers(tree: Tree, poses: Poses) -> Array:
             if tree.placed is not None:
                 origins = tree.placed[rows, None, None] * origins
             result[rows] = spread.reshape(-1, 3, n) + origins
-    for marker, terms in tree.terms_of_marker.items():
-        node = poses.plan.link_node[tree.marker_link[marker]]
-        result[marker] += turn_to_ground(poses.node_axes[node], poses.values.vector(np.zeros(3), terms))
+    for item, direction in zip(tree.marker_terms, _turn_terms(tree, poses), strict=True):
+        result[item.marker] += direction * poses.values.scalar(item.term)
     return result
+
+
+def _turn_terms(tree: Tree, poses: Poses) -> Array:
+    """The gain of every marker term in ground, (n_terms, 3, n_frames)."""
+    if not tree.marker_terms:
+        return np.empty((0, 3, poses.frames.shape[-1]))
+    gains = np.array([item.term.gain for item in tree.marker_terms])
+    nodes = poses.plan.link_node[tree.marker_link[[item.marker for item in tree.marker_terms]]]
+    return np.asarray(np.einsum("tjan,tj->tan", poses.frames[nodes, :3], gains))
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -277,12 +270,10 @@ def compute_jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray
             for variable, rate in list_rates(tree, poses.values, entry.term):
                 if variable in row:
                     result[row[variable], below] += moved * rate
-    for marker, terms in tree.terms_of_marker.items():
-        axes = poses.node_axes[poses.plan.link_node[tree.marker_link[marker]]]
-        for term in terms:
-            for variable, rate in list_rates(tree, poses.values, term):
-                if variable in row:
-                    result[row[variable], marker] += turn_to_ground(axes, term.gain[:, None] * rate)
+    for item, direction in zip(tree.marker_terms, _turn_terms(tree, poses), strict=True):
+        for variable, rate in list_rates(tree, poses.values, item.term):
+            if variable in row:
+                result[row[variable], item.marker] += direction * rate
     return result
 
 

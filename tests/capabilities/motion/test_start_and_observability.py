@@ -7,9 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scaling_service.capabilities.motion.ranges import list_prior_sds, measure_left
 from scaling_service.capabilities.motion.task import guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
-from scaling_service.model.compile import compile_model
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import (
+    compile_model,
+    free_coordinates,
+    list_coordinate_ranges,
+    list_parameter_values,
+    repeat_default_pose,
+)
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import leg, leg_motion, random_tree
 
@@ -124,3 +132,30 @@ def test_the_verdict_is_that_of_the_rank(seed: int) -> None:
         return
     found = find_determined(tree, measured, np.ones(tree.n_markers), q, NONE, np.ones(n, dtype=bool))[0]
     np.testing.assert_array_equal(found, loose < 1e-2)
+
+
+def test_what_markers_leave_of_the_ranges_is_the_posterior_of_their_differences() -> None:
+    model = load_builtin("lower_limb_14dof")
+    tree, p, free = compile_model(model), list_parameter_values(model), free_coordinates(model)
+    told = np.random.default_rng(5).integers(0, 2, (4, tree.n_markers)).astype(float)
+    found = measure_left(model, tree, told, free, p)
+    spread, neutral = list_prior_sds(model), repeat_default_pose(model, 1)[0]
+    asked = np.flatnonzero(free & np.isfinite(spread))
+    middle = neutral.copy()
+    middle[asked] = np.array(list_coordinate_ranges(model))[:, asked].mean(axis=0)
+    step = 1e-6 * np.eye(len(neutral))
+    prior = np.full(len(neutral), 1e-4)
+    prior[asked] = spread[asked] ** -2.0
+    for pattern, left in zip(told, found, strict=True):
+        shares = []
+        for q in (neutral, 0.5 * (neutral + middle)):
+            rates = (pose_markers(tree, q + step, p) - pose_markers(tree, q - step, p)) / 2e-6
+            seen = (rates * pattern[:, None]).reshape(len(neutral), -1)[free] / 0.010  # SD of a marker, m
+            share = np.zeros(len(neutral))
+            share[free] = np.diag(np.linalg.inv(seen @ seen.T + np.diag(prior[free]))) * prior[free]
+            shares.append(share)
+        expected = np.min(shares, axis=0)
+        np.testing.assert_allclose(left[asked], expected[asked], rtol=1e-5, atol=1e-8)
+        assert not left[np.setdiff1d(np.arange(len(left)), asked)].any()
+    assert (found[:, asked] > 0.5).any()
+    assert (found[:, asked] < 0.1).any()

@@ -42,6 +42,19 @@ def test_a_fresh_worker_answers_as_the_one_that_tests_keep(shared_data, tmp_path
     assert said[0] == said[1]
 
 
+def test_several_models_written_by_one_worker_are_those_written_alone(shared_data, tmp_path):
+    source, absent = shared_data / "gait2354" / "gait2354_simbody.osim", tmp_path / "absent.osim"
+    model = read_osim(source)
+    first, refused, last = models.render_several(
+        [models.request_osim(model, source=path) for path in (None, absent, source)]
+    )
+    assert first == models.render_osim(model)
+    with pytest.raises(FileUnreadable) as caught:
+        models.render_osim(model, source=absent)
+    assert (type(refused), str(refused)) == (FileUnreadable, str(caught.value))
+    assert last == models.render_osim(model, source=source)
+
+
 def test_without_the_library(monkeypatch, tmp_path, model_file):
     stand_in(monkeypatch, tmp_path / "fake", "raise ImportError('libosim.so is missing')\n")
     with pytest.raises(DependencyMissing) as caught:

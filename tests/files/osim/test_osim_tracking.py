@@ -46,7 +46,8 @@ def test_opensim_follows_the_markers_as_closely(
     results = compare(tmp_path / "subject.json", (method,))
     found, (trial,) = results.scalings[method], results.session.evaluation
     motion, fitted = found.motions[trial.name], found.calibration.model
-    (tmp_path / "model.osim").write_text(render_scaled(found.calibration, results.session), encoding="utf-8")
+    (text,) = render_scaled([found.calibration], results.session)
+    (tmp_path / "model.osim").write_text(str(text), encoding="utf-8")
     write_trc(tmp_path / "walk.trc", trial.select(motion.markers).frames(slice(n_frames)))
     weights = {m: fitted.marker(m).weight for m in motion.markers}
     peer = run_opensim_ik(tmp_path / "model.osim", tmp_path / "walk.trc", weights, accuracy=1e-9)

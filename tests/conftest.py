@@ -24,6 +24,11 @@ def pytest_xdist_auto_num_workers() -> int:
     return len(os.sched_getaffinity(0)) + 1
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The check of types takes longest, so it begins first: by its name it would begin last, and alone."""
+    items.sort(key=lambda item: item.path.name != "test_checks.py")
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of the real recordings: ``SCALING_SERVICE_DATA``, else ``../shared/data``."""

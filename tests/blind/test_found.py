@@ -21,12 +21,12 @@ from tests.blind.scoring.records import Record
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
-COSTLY = pytest.mark.costly
+COSTLY = pytest.mark.costly  # ten seconds each and more
 HIDDEN = [
     Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
     Case("effect", ("skin_wobble",), "large", "gait", False, 0),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
-    Case("pair", PAIRS[10], "large", "gait", True, 0),
+    pytest.param(Case("pair", PAIRS[10], "large", "gait", True, 0), marks=COSTLY),
 ]
 NOTHING = [
     Case("null", ("autocorrelated",), "none", "gait", False, 0),
@@ -76,6 +76,7 @@ def test_what_the_catalogue_does_not_have_is_reported_as_unexplained(case: Case,
     assert found.verdict == "unexplained"
 
 
+@COSTLY
 def test_a_foot_whose_plate_is_nowhere_in_the_recordings_is_named(tmp_path: Path) -> None:
     """No moment of any recording tells what the forces are like where nothing is missing."""
     case = Case("null", ("white",), "none", "varied", True, 0)

@@ -122,6 +122,7 @@ def read_table(axes: int) -> dict[str, dict[str, Any]]:
     return table["points_mm" if axes == 3 else "axes_deg"]
 
 
+@pytest.mark.costly  # with the other, half a minute: the bones of three persons, clean and worse
 def test_what_is_said_to_be_seen_is_what_bones_give(differences: list[Difference]) -> None:
     for axes in (3, 2):
         for name, row in read_table(axes).items():
@@ -136,6 +137,7 @@ def test_what_is_said_to_be_seen_is_what_bones_give(differences: list[Difference
                     assert said == pytest.approx(np.sqrt(np.mean(beyond)), abs=0.02), (name, person)
 
 
+@pytest.mark.costly
 def test_deviations_hold_the_differences_to_experts(differences: list[Difference]) -> None:
     """Of each person by a table that does not know this person; 95 % are claimed."""
     ratios: list[tuple[float, Difference]] = []

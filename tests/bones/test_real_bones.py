@@ -86,7 +86,7 @@ def test_ankle(person: Person) -> None:
     assert 3.0 < np.linalg.norm(malleoli) < 12.0  # tips lie lateral, proximal and behind
 
 
-@pytest.mark.parametrize("faces", [None, 5000, 2000])
+@pytest.mark.parametrize("faces", [None, pytest.param(5000, marks=pytest.mark.costly), 2000])
 @pytest.mark.parametrize("noise_mm", [0.0, 0.5])
 def test_the_subtalar_axis_stays_on_worse_meshes(person: Person, faces: int | None, noise_mm: float) -> None:
     """It jumped by 25 to 38 degrees on the rough bone when another hollow was taken for the facet."""

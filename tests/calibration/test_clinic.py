@@ -14,6 +14,7 @@ from scaling_service.capabilities.subject.loading import load
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.subject import Subject
 
+pytestmark = pytest.mark.costly  # reads and scales every child of the clinic
 THEIRS = {"femur": "FemurLength", "shank": "TibiaLength"}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.parameters import compose_tilts, compute_axis, tilt_of
 from scaling_service.model.people import read_people
+from scaling_service.model.results import Calibration
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
 
@@ -187,21 +190,34 @@ PIECES = {
 }
 
 
+@cache
+def beside_pieces(model: str) -> tuple[Calibration, Calibration]:
+    """By the whole image, and by markers alone: the same for every piece."""
+    session = who_has(model)
+    whole = replace(session, images=imaged(known(), TILTS_DEG, markers=False))
+    return calibrate(whole, "EB"), calibrate(session, "MAP")
+
+
+def who_has(model: str) -> Session:
+    session = known().session
+    return replace(session, subject=replace(session.subject, model=model))
+
+
 @pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
 @pytest.mark.parametrize("piece", PIECES)
 def test_pieces_of_an_image_count_each_by_itself(piece: str, model: str) -> None:
     """What a piece shows is as in the whole image, whatever else was imaged; nothing else lies in it."""
-    who = known()
     shown, lying = PIECES[piece]
-    whole = imaged(who, TILTS_DEG, markers=False)
+    whole = imaged(known(), TILTS_DEG, markers=False)
     spines = {"RASIS", "LASIS", "RPSIS", "LPSIS"} if "pelvis" in lying else set()
     evidence = ImageEvidence(
         centres={name: at for name, at in whole.centres.items() if name in shown},
         axes={"knee_r": whole.axes["knee_r"]} if "femur_r" in lying else {},
         landmarks={n: at for n, at in whole.landmarks.items() if n in spines | {"RLFE", "RMFE"}},
     )
-    session = replace(who.session, subject=replace(who.session.subject, model=model))
-    alone, beside = (calibrate(replace(session, images=e), "EB") for e in (evidence, whole))
+    session = replace(who_has(model), images=evidence)
+    beside, markers = beside_pieces(model)
+    alone = calibrate(session, "EB")
     assert set(alone.image_poses) == lying
     assert {segment for segment, whose in alone.bone_sized.items() if whose == "own"} >= lying - {"pelvis"}
     ours, theirs = measure_segment_lengths(alone.model), measure_segment_lengths(beside.model)
@@ -210,8 +226,7 @@ def test_pieces_of_an_image_count_each_by_itself(piece: str, model: str) -> None
     joint = alone.model.segment("tibia_r").joint_name
     if "femur_r" in lying and model != "own.osim":
         assert alone.axis_tilts[joint] == pytest.approx(beside.axis_tilts[joint], abs=1e-9)
-    posterior, markers = (calibrate(s, "MAP") for s in (replace(session, images=evidence), session))
-    sds = [{p.name: p.sd for p in found.parameters} for found in (posterior, markers)]
+    sds = [{p.name: p.sd for p in found.parameters} for found in (calibrate(session, "MAP"), markers)]
     told = {"pelvis": "centre.hip_r.y", "femur_r": "scale.femur_r", "tibia_r": "scale.tibia_r"}
     for segment, name in told.items():
         assert (sds[0][name] < 0.7 * sds[1][name]) == (segment in lying), name

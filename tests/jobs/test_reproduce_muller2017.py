@@ -18,6 +18,7 @@ from scaling_service.studies.muller2017.words import summarise
 from tests.finished import make_once
 from tests.report.reading import Node, read
 
+costly = pytest.mark.costly  # a study, like that of Puchaud 2019
 FEW = UncertaintySettings(samples=12, motions=60)
 SHORT = ExcitationSettings(seconds=6.0)
 
@@ -40,6 +41,7 @@ def page(document: Muller2017Document, tmp_path_factory: pytest.TempPathFactory)
     return read((folder / "report.html").read_text(encoding="utf-8"))
 
 
+@costly
 def test_persons_hold_equation_12_and_their_truth(document: Muller2017Document) -> None:
     assert [person.name for person in document.persons] == ["excited_1", "excited_2"]
     for person in document.persons:
@@ -54,6 +56,7 @@ def test_persons_hold_equation_12_and_their_truth(document: Muller2017Document) 
         assert 0 < person.windows_share <= 1
 
 
+@costly
 def test_every_claim_is_answered_and_few_persons_decide_no_test(document: Muller2017Document) -> None:
     assert [c.claim for c in document.claims] == [c.text for c in CLAIMS]
     answered = {c.claim: c for c in document.claims}
@@ -62,6 +65,7 @@ def test_every_claim_is_answered_and_few_persons_decide_no_test(document: Muller
     assert "R2" in answered["Uncertainty grows linearly with the added reconstruction error"].ours
 
 
+@costly
 def test_the_page_says_what_the_document_says(document: Muller2017Document, page: Node) -> None:
     claims = next(t for t in page.all("table") if t.attributes["aria-label"] == "Claim by claim")
     rows = [[cell.text for cell in (*row.all("th"), *row.all("td"))] for row in claims.all("tr")[1:]]

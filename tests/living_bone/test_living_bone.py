@@ -12,6 +12,8 @@ from tests.living_bone.errors import Way, judge_sets, leaving_out
 from tests.living_bone.recordings import find_living_bone
 from tests.living_bone.skin_over_knee import FILE, HEAD, list_lines
 
+COSTLY = pytest.mark.costly  # ten seconds for all sets, with their laboratory and without
+
 
 @pytest.fixture(scope="module")
 def given(shared_data: Path) -> list[Way]:
@@ -27,17 +29,20 @@ def _average(ways: list[Way]) -> float:
     return float(np.exp(np.mean(np.log([way.ratio for way in ways]))))
 
 
+@COSTLY
 def test_bones_come_nearer_where_their_laboratory_told_nothing_of_its_skin(left_out: list[Way]) -> None:
     assert _average(left_out) <= 0.80
     assert max(way.ratio for way in left_out) <= 1.05
 
 
+@COSTLY
 def test_bones_come_nearer_where_it_did(given: list[Way]) -> None:
     """The guide's table has them all; one of fourteen is 7 % farther."""
     assert _average(given) <= 0.75
     assert max(way.ratio for way in given) <= 1.10
 
 
+@COSTLY
 def test_intervals_hold_the_angles_between_bones_that_were_seen(
     given: list[Way], left_out: list[Way]
 ) -> None:

@@ -119,7 +119,11 @@ def more_than(number: int, client: Client) -> dict[str, tuple[object, ...]]:
 
 
 @pytest.mark.parametrize(
-    "victims", [("server",), pytest.param(("child", "runner", "server"), marks=pytest.mark.benchmark)]
+    "victims",
+    [
+        pytest.param(("server",), marks=pytest.mark.costly),  # waits for two cohorts
+        pytest.param(("child", "runner", "server"), marks=pytest.mark.benchmark),
+    ],
 )
 def test_people_scaled_by_a_service_that_is_killed(victims: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "files").mkdir()

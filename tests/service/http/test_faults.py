@@ -48,6 +48,7 @@ def killed_often(folder: Path, n_jobs: int, n_kills: int, seconds: float) -> str
     )
 
 
+@pytest.mark.costly  # waits for two fresh starts
 def test_killed_during_a_few_jobs(tmp_path: Path) -> None:
     killed_often(tmp_path / "data", n_jobs=8, n_kills=2, seconds=0.3)
 

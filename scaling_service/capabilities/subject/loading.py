@@ -16,7 +16,7 @@ from scaling_service.capabilities.subject.axes import (
     decide_axes,
     list_level_corners,
 )
-from scaling_service.capabilities.subject.images import gather_images
+from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
@@ -114,7 +114,7 @@ def open_subject(
     file = None if isinstance(subject, subjects.Subject) else Path(subject)
     known = subject if isinstance(subject, subjects.Subject) else reading.load_subject(subject)
     with reading.blame_file(file):
-        loaded = load(known, settings, facing=facing)
+        loaded = load(known, settings, images=read_images(known), facing=facing)
         return replace(
             loaded, session=subject_rotations.part_rotations(loaded.session, wanted=rotations), file=file
         )
@@ -125,6 +125,7 @@ def load(
     settings: Settings = Settings(),
     read: abc.Mapping[Path, recording.Recording] = _NOTHING,
     *,
+    images: Imaged | None = None,
     facing: bool = False,
     standing: bool = False,
     who: Identification | None = None,
@@ -135,15 +136,16 @@ def load(
     everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes,
     as forces do in their files: only what is not Y up is turned, about a level axis.
 
-    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
-    whether to turn the person X forward, for results that are told along and across the way.
+    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``images``:
+    the subject's bones, by :func:`read_images`; without them the session has none. ``facing``: whether to
+    turn the person X forward, for results that are told along and across the way.
     ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
     ``who``: what geometry tells of the labels, where it was asked already.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     found = read_files(subject, read)
     understood = understand(found, settings, facing=facing, standing=standing, who=who)
-    return prepare(understood, question(understood), settings.processing)
+    return prepare(understood, question(understood), images, settings.processing)
 
 
 def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Read:
@@ -269,7 +271,10 @@ def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
 
 
 def prepare(
-    understood: Understood, findings: abc.Iterable[recording_findings.Finding], settings: ProcessingSettings
+    understood: Understood,
+    findings: abc.Iterable[recording_findings.Finding],
+    images: Imaged | None,
+    settings: ProcessingSettings,
 ) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
     subject = understood.subject
@@ -283,7 +288,7 @@ def prepare(
     of_video = key_points.tell_key_points(understood.model, seen)
     model, of_freedoms = builtin.lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
-    images, of_images = gather_images(subject, model)
+    followed = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     session = subjects.Session(
         subject=subject,
         model=model,
@@ -295,11 +300,11 @@ def prepare(
             *understood.notes,
             *of_freedoms,
             *of_setup,
-            *of_images,
+            *(() if images is None else images.notes),
             *(of_video or (checks.summarise_recordings(model, subject, marked) if marked else ())),
             *findings,
         ),
-        images=images,
+        images=None if images is None else place_images(images, model, followed, subject.marker_map),
     )
     return Loaded(
         session=session,

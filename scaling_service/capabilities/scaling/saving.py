@@ -21,7 +21,7 @@ from trimesh.visual import ColorVisuals
 from scaling_service.capabilities.motion import saving
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.playback.drawing import place_bones
-from scaling_service.capabilities.playback.scene import Detail
+from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.capabilities.scaling import clinical_gait, result
 from scaling_service.capabilities.scaling.comparison import evidence
 from scaling_service.capabilities.scaling.exporting import export_models
@@ -43,10 +43,6 @@ from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 from scaling_service.report import onefile
-
-_INSIDE = Detail(most_faces=1_500, most_frames=150)
-"""Of a report. Chosen: bones keep their shape and movements their course, in about a megabyte for six models
-of six recordings."""
 
 _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
@@ -124,7 +120,7 @@ def save(
 
 def make_report(results: result.Results, document: documents.ComparisonDocument) -> onefile.Report:
     """``report.html``: the comparison's views with the models in all recordings."""
-    files = onefile.collect_files(lambda folder: write_results_scene(results, folder, _INSIDE))
+    files = onefile.collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
     return onefile.Report(
         kind="scaling",
         name="comparison.json",

@@ -19,7 +19,7 @@ from scaling_service.recording.plates import compute_ground_forces, orient_force
 
 
 def write_results_scene(
-    results: result.Results, outputs: Path, detail: scene.Detail = scene.Detail()
+    results: result.Results, outputs: Path, detail: scene.Detail = scene.WHOLE
 ) -> document.SceneDocument:
     """Write the models of all methods in all recordings into the folder of a job's files."""
     session = results.session

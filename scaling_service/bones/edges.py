@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +19,13 @@ NEAR_M = 0.010  # chosen: edges of triangles and a blunt tip's size
 class Rims:
     """Vertices on edges that have one face only: ``points`` (n, 3), ``widths`` (n,) of their gaps, m."""
 
-    points: Array
-    widths: Array
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    widths: Array = field(default_factory=lambda: np.zeros(0))
 
     def measure_near(self, point: Array) -> float:
         """Width of the widest gap beside a point, m; 0 without any."""
         near = np.linalg.norm(self.points - point, axis=1) < NEAR_M
         return float(self.widths[near].max(initial=0.0))
-
-
-NO_RIMS = Rims(np.zeros((0, 3)), np.zeros(0))
 
 
 def find_rims(points: Array, faces: NDArray[np.intp]) -> Rims:
@@ -38,7 +35,7 @@ def find_rims(points: Array, faces: NDArray[np.intp]) -> Rims:
     single = np.stack(np.divmod(numbers[count == 1], len(points)), axis=1)
     names, compact = np.unique(single, return_inverse=True)
     if not len(names):
-        return NO_RIMS
+        return Rims()
     ends = compact.reshape(-1, 2)
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(names), len(names)))
     loops, loop = connected_components(graph, directed=False)

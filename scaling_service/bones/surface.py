@@ -6,7 +6,7 @@ origin cannot matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ class Surface:
     R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
     edge: float = 0.0  # m; median length of the edges that were given
-    rims: edges.Rims = edges.NO_RIMS  # of the whole surface, also of its parts
+    rims: edges.Rims = field(default_factory=edges.Rims)  # of the whole surface, also of its parts
     notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,53 +34,50 @@ farthest of twelve persons, clusters and wands included)."""
 
 _TALLEST_M = 2.1  # chosen: of a person whose height is not known
 
-
-@dataclass(frozen=True, slots=True)
-class _Size:
-    """A distance between landmarks in terms of measures of the body, and its doubt by where markers sit."""
-
-    ends: tuple[str, str]
-    terms: Mapping[str, float]
-    offset_m: float
-    sd_m: float
-    _: KW_ONLY
-    at_most: bool = False  # a bound that posture falls short of
-
-
 _SIZES = (
-    _Size(("LFE", "LM"), {"lateral_epicondyle_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.02),
-    _Size(("ELB", "WRA"), {"radiale_stylion": 1.0}, 0.0, 0.02),
-    _Size(("ELB", "WRB"), {"radiale_stylion": 1.0}, 0.0, 0.02),
-    _Size(("SHO", "ELB"), {"acromion_radiale": 1.0}, 0.0, 0.04),
-    _Size(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.012),
-    _Size(("LFE", "MFE"), {"knee_width": 1.0}, 0.016, 0.02),
-    _Size(("HEE", "MT5"), {"foot_length": 0.70}, 0.0, 0.02),
-    _Size(("ASIS", "PSIS"), {"stature": 0.115}, 0.0, 0.03),
-    _Size(
+    anthropometry.LandmarkSize(
+        ("LFE", "LM"), {"lateral_epicondyle_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.02
+    ),
+    anthropometry.LandmarkSize(("ELB", "WRA"), {"radiale_stylion": 1.0}, 0.0, 0.02),
+    anthropometry.LandmarkSize(("ELB", "WRB"), {"radiale_stylion": 1.0}, 0.0, 0.02),
+    anthropometry.LandmarkSize(("SHO", "ELB"), {"acromion_radiale": 1.0}, 0.0, 0.04),
+    anthropometry.LandmarkSize(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.012),
+    anthropometry.LandmarkSize(("LFE", "MFE"), {"knee_width": 1.0}, 0.016, 0.02),
+    anthropometry.LandmarkSize(("HEE", "MT5"), {"foot_length": 0.70}, 0.0, 0.02),
+    anthropometry.LandmarkSize(("ASIS", "PSIS"), {"stature": 0.115}, 0.0, 0.03),
+    anthropometry.LandmarkSize(
         ("ASIS", "LFE"),
         {"trochanterion_height": 1.0, "lateral_epicondyle_height": -1.0},
         0.09,
         0.05,
         at_most=True,
     ),
-    _Size(("HEE", "LM"), {"foot_length": 0.30}, 0.02, 0.02, at_most=True),
-    _Size(("ASIS", "SHO"), {"acromion_height": 1.0, "iliocristale_height": -1.0}, 0.12, 0.06, at_most=True),
+    anthropometry.LandmarkSize(("HEE", "LM"), {"foot_length": 0.30}, 0.02, 0.02, at_most=True),
+    anthropometry.LandmarkSize(
+        ("ASIS", "SHO"), {"acromion_height": 1.0, "iliocristale_height": -1.0}, 0.12, 0.06, at_most=True
+    ),
 )
 """Offsets and deviations: chosen: balls stand 8 mm off the skin, palpation 5 to 15 mm (Della Croce 2005),
 skin over moving joints up to 30 mm; the foot's markers lie over 0.66 to 0.79 of its length."""
 
 _ACROSS = (
-    _Size(("RASIS", "LASIS"), {"pelvis_width": 1.0}, 0.0, 0.025),
-    _Size(("RPSIS", "LPSIS"), {"pelvis_width": 0.4}, 0.0, 0.015),
-    _Size(("RSHO", "LSHO"), {"biacromial_breadth": 1.0}, 0.0, 0.05, at_most=True),
+    anthropometry.LandmarkSize(("RASIS", "LASIS"), {"pelvis_width": 1.0}, 0.0, 0.025),
+    anthropometry.LandmarkSize(("RPSIS", "LPSIS"), {"pelvis_width": 0.4}, 0.0, 0.015),
+    anthropometry.LandmarkSize(("RSHO", "LSHO"), {"biacromial_breadth": 1.0}, 0.0, 0.05, at_most=True),
 )
 
 
 _STANDING = (
-    _Size(("C7", "LM"), {"cervicale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025),
-    _Size(("SHO", "LM"), {"acromion_height": 1.0, "lateral_malleolus_height": -1.0}, 0.01, 0.03),
-    _Size(("CLAV", "LM"), {"suprasternale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025),
-    _Size(("ASIS", "LM"), {"leg_length": 1.0}, 0.0, 0.025),
+    anthropometry.LandmarkSize(
+        ("C7", "LM"), {"cervicale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025
+    ),
+    anthropometry.LandmarkSize(
+        ("SHO", "LM"), {"acromion_height": 1.0, "lateral_malleolus_height": -1.0}, 0.01, 0.03
+    ),
+    anthropometry.LandmarkSize(
+        ("CLAV", "LM"), {"suprasternale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025
+    ),
+    anthropometry.LandmarkSize(("ASIS", "LM"), {"leg_length": 1.0}, 0.0, 0.025),
 )
 """Heights over the ankles of somebody who stands upright, whose stature foretells them (deviations chosen: 15
 mm of slack in trunk and knees, and palpation)."""
@@ -171,7 +168,10 @@ def _is_upright(where: Mapping[str, Array]) -> bool:
 
 
 def _compare(
-    size: _Size, labels: tuple[str, ...], values: Array, people: anthropometry.DimensionPrior
+    size: anthropometry.LandmarkSize,
+    labels: tuple[str, ...],
+    values: Array,
+    people: anthropometry.DimensionPrior,
 ) -> _Measured | None:
     known = values[np.isfinite(values)]
     if not len(known) or np.median(known) <= 0.0:

@@ -4,6 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+_SHORT = {
+    "calcn": "heel bone",
+    "mtp_angle": "toe angle",
+    "arm_flex": "arm flexion",
+    "arm_add": "arm adduction",
+    "arm_rot": "arm rotation",
+    "elbow_flex": "elbow flexion",
+    "pro_sup": "forearm rotation",
+}
+"""Names of OpenSim's models and of this program that are no words."""
+
+_OF_PARAMETERS = {"scale": "length", "axis": "axis", "centre": "centre"}
+
 
 def number(value: float | None, digits: int = 1) -> str:
     """A number as shown, a dash where there is none."""
@@ -31,18 +44,6 @@ def unite_keys(mappings: Iterable[Mapping[str, object]]) -> list[str]:
     return list(dict.fromkeys(name for mapping in mappings for name in mapping))
 
 
-_SHORT = {
-    "calcn": "heel bone",
-    "mtp_angle": "toe angle",
-    "arm_flex": "arm flexion",
-    "arm_add": "arm adduction",
-    "arm_rot": "arm rotation",
-    "elbow_flex": "elbow flexion",
-    "pro_sup": "forearm rotation",
-}
-"""Names of OpenSim's models and of this program that are no words."""
-
-
 def spell_name(name: str) -> str:
     """A coordinate's, joint's or segment's name for people.
 
@@ -55,9 +56,6 @@ def spell_name(name: str) -> str:
     if stem and side in ("r", "l"):
         return f"{spell_name(stem)}, {'right' if side == 'r' else 'left'}"
     return _SHORT.get(name, name.replace("_", " "))
-
-
-_OF_PARAMETERS = {"scale": "length", "axis": "axis", "centre": "centre"}
 
 
 def spell_parameters(names: Iterable[str]) -> list[str]:

@@ -48,6 +48,17 @@ RESIDUAL_HZ = 2.0
 """Highest frequency of that part (chosen): it lies near the movement's own (Leardini et al. 2005)."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hidden:
+    """One thing that was hidden in recordings."""
+
+    kind: str  # as the catalogue of effects calls it
+    where: tuple[str, ...]
+    parameters: dict[str, float]  # with the unit in the name, as results have them
+    driver: tuple[str, ...] = ()
+    trial: str | None = None  # the only recording in which it is
+
+
 @dataclass(frozen=True, slots=True)
 class Artefact:
     """How the skin of one person moves."""

@@ -31,7 +31,7 @@ from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.virtual.artefact import glide_marker
+from scaling_service.virtual.artefact import Hidden, glide_marker
 from scaling_service.virtual.bones.person import make_virtual_bones
 from scaling_service.virtual.subject import (
     VirtualSettings,
@@ -62,6 +62,20 @@ _FRAME_M = 0.5  # chosen: SD of the image's origin about the standing person's
 RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
 """Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
 movement are found to be enough, and are searched in seconds."""
+
+SLIDING = Hidden(
+    kind="soft_tissue_artefact",
+    where=("RLFE",),
+    parameters={"x_mm_per_deg": 0.24, "y_mm_per_deg": 0.32, "z_mm_per_deg": 0.0},
+    driver=("knee_angle_r",),
+)
+"""A marker of the thigh that slides with the knee: 0.4 mm/deg in all, twice the usual size of a knee's share
+(``THIGH_MM_PER_DEG``), in a person whose skin is still elsewhere."""
+
+SWAPPED = Hidden(
+    kind="marker_swap", where=("LLM", "LMM"), parameters={"start_s": 2.0, "end_s": 2.6}, trial="knee_l"
+)
+"""The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""
 
 _M_PER_MM, _RAD_PER_DEG = 1e-3, np.pi / 180.0
 
@@ -188,32 +202,6 @@ def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None
 def _place_points(pose: ImagePose, points: Array) -> Array:
     """Points of a segment, (n, 3) or (3,), in the image, m."""
     return points @ pose.rotation.T + pose.origin
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hidden:
-    """One thing that was hidden."""
-
-    kind: str  # as the catalogue of effects calls it
-    where: tuple[str, ...]
-    parameters: dict[str, float]  # with the unit in the name, as results have them
-    driver: tuple[str, ...] = ()
-    trial: str | None = None  # the only recording in which it is
-
-
-SLIDING = Hidden(
-    kind="soft_tissue_artefact",
-    where=("RLFE",),
-    parameters={"x_mm_per_deg": 0.24, "y_mm_per_deg": 0.32, "z_mm_per_deg": 0.0},
-    driver=("knee_angle_r",),
-)
-"""A marker of the thigh that slides with the knee: 0.4 mm/deg in all, twice the usual size of a knee's share
-(``THIGH_MM_PER_DEG``), in a person whose skin is still elsewhere."""
-
-SWAPPED = Hidden(
-    kind="marker_swap", where=("LLM", "LMM"), parameters={"start_s": 2.0, "end_s": 2.6}, trial="knee_l"
-)
-"""The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""
 
 
 def make_demo_session(

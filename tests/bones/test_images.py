@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from scaling_service.bones.images import assemble, read_bones
 from scaling_service.bones.results import MeshRefused
 from scaling_service.bones.whole import find_landmarks
-from scaling_service.capabilities.subject.images import gather_images
+from scaling_service.capabilities.subject.images import place_images, read_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.cli.app import app
 from scaling_service.core.errors import FileUnreadable
@@ -131,8 +131,10 @@ def test_a_subject_may_give_a_segmentation(legs: Path) -> None:
     (legs.parent / "stand.trc").write_text("")
     subject = load_subject(file)
     assert subject.bones == {"segmentation": legs}
-    evidence, notes = gather_images(subject, load_builtin("lower_limb_14dof"))
+    imaged, model = read_images(subject), load_builtin("lower_limb_14dof")
+    assert imaged is not None
+    evidence = place_images(imaged, model, model.marker_names, subject.marker_map)
     assert evidence is not None
     assert {"hip_r", "knee_l", "ankle_r"} <= evidence.centres.keys() <= evidence.deviations.keys()
     assert set(evidence.bones) == {"femur_r", "femur_l", "tibia_r", "tibia_l"}
-    assert any("spleen" in note for note in map(str, notes))
+    assert any("spleen" in note for note in map(str, imaged.notes))

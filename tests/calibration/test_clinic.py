@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.loading import load, read_files
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.subject import Subject
 
@@ -26,9 +26,8 @@ def differences(shared_data: Path) -> dict[str, dict[str, float]]:
     found = {}
     for child in sorted((shared_data / "clinic").iterdir()):
         static, moving, *_ = sorted(child.glob("*.c3d"))
-        session = load(
-            Subject(id=child.name, model="lower_limb_14dof", static=static, calibration=(moving,))
-        ).session
+        subject = Subject(id=child.name, model="lower_limb_14dof", static=static, calibration=(moving,))
+        session = load(subject, read_files(subject)).session
         ours = measure_segment_lengths(scale_linearly(session, CalibrationSettings()).model)
         sizes = next(iter(json.loads((child / "sizes.json").read_text(encoding="utf-8")).values()))
         found[child.name] = {

@@ -20,7 +20,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.scaling.methods.marker_based import compute_setup_factors, scale_linearly
 from scaling_service.capabilities.scaling.methods.placement import select_frames
 from scaling_service.capabilities.shared.settings import PAPER
-from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.loading import load, read_files
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.osim.setups import read_scale_setup
@@ -190,7 +190,8 @@ def test_a_subject_file_leads_to_the_same_markers(cases: Mapping[str, Case], sha
         scale_setup=folder / "subject01_Setup_Scale.xml",
         static=folder / "subject01_static.trc",
     )
-    found = {m.name: m.nominal for m in scale_linearly(load(subject).session, PAPER).model.markers}
+    session = load(subject, read_files(subject)).session
+    found = {m.name: m.nominal for m in scale_linearly(session, PAPER).model.markers}
     for marker, (_, place) in cases["gait2354"].exact.markers.items():
         assert np.linalg.norm(np.subtract(found[marker], place)) < SMOOTHED, marker
 

@@ -16,7 +16,7 @@ from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.scaling.sizes.measurements import open_axes, read_fitted_factor
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
-from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.loading import load, read_files
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.frames import build_pelvis_frame
@@ -144,7 +144,8 @@ def test_a_real_hip_lies_nearer_to_the_experts(shared_data: Path, tmp_path: Path
         "model": "lower_limb_14dof",
         "trials": {"static": str(folder / "Static.c3d"), "calibration": [str(folder / "Walking02.c3d")]},
     }
-    session = load(load_subject(write_subject(tmp_path, content))).session
+    subject = load_subject(write_subject(tmp_path, content))
+    session = load(subject, read_files(subject)).session
     off = {}
     for scaling in ("uniform", "per-axis"):
         model = calibrate(session, "MB", CalibrationSettings(scaling=scaling)).model

@@ -13,7 +13,7 @@ from scaling_service.capabilities.scaling.methods.marker_based import scale_line
 from scaling_service.capabilities.scaling.sizes.points import find_person_points
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.loading import load, read_files
 from scaling_service.model.anatomy.centres import read_pelvis
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
@@ -180,19 +180,22 @@ def without(session: Session, landmarks: set[str], *, static: bool = True) -> Se
 def _jia(data: Path) -> Session:
     folder = data / "jia_mri"
     files = {"static": folder / "Static.c3d", "calibration": (folder / "Walking02.c3d",)}
-    return load(Subject(id="jia", model="lower_limb_14dof", height_m=1.62, mass_kg=63.0, **files)).session
+    subject = Subject(id="jia", model="lower_limb_14dof", height_m=1.62, mass_kg=63.0, **files)
+    return load(subject, read_files(subject)).session
 
 
 def _squat(data: Path) -> Session:
     folder = data / "opencap_squat"
     files = {"static": folder / "static1.trc", "calibration": (folder / "walking1.trc",)}
-    return load(Subject(id="squat", model="lower_limb_14dof", height_m=1.68, mass_kg=62.6, **files)).session
+    subject = Subject(id="squat", model="lower_limb_14dof", height_m=1.68, mass_kg=62.6, **files)
+    return load(subject, read_files(subject)).session
 
 
 def _functional(data: Path) -> Session:
     folder = data / "functional"
     files = (folder / "right_hip.c3d", folder / "right_knee.c3d")
-    return load(Subject(id="functional", model="lower_limb_14dof", calibration=files)).session
+    subject = Subject(id="functional", model="lower_limb_14dof", calibration=files)
+    return load(subject, read_files(subject)).session
 
 
 RECORDED = {"jia_mri": _jia, "opencap_squat": _squat, "functional": _functional}

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from scaling_service.capabilities.scaling.run import compare
-from scaling_service.capabilities.subject.images import gather_images
+from scaling_service.capabilities.subject.images import place_images, read_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.model.builtin import load_builtin
@@ -43,7 +43,10 @@ def subject(document: dict[str, object], folder: Path) -> Subject:
 
 
 def test_centres_are_the_experts(document: dict[str, object], tmp_path: Path, shared_data: Path) -> None:
-    evidence, _ = gather_images(subject(document, tmp_path), MODEL)
+    known = subject(document, tmp_path)
+    imaged = read_images(known)
+    assert imaged is not None
+    evidence = place_images(imaged, MODEL, MODEL.marker_names, known.marker_map)
     assert evidence is not None
     expert = json.loads((shared_data / "jia_mri" / "reference_joints.json").read_text())["manual"]
     for joint, limit_mm in (
@@ -73,7 +76,7 @@ def test_bones_of_the_wrong_side_are_refused_by_name(document: dict[str, object]
     known = subject(document, tmp_path)
     bones = {"femur_l": known.bones["femur_r"]}
     with pytest.raises(InputError, match="femur_l"):
-        gather_images(replace(known, bones=bones), MODEL)
+        read_images(replace(known, bones=bones))
 
 
 def moved(document: dict[str, object], folder: Path, bone: str, by_mm: list[float]) -> Subject:
@@ -88,16 +91,20 @@ def moved(document: dict[str, object], folder: Path, bone: str, by_mm: list[floa
 def test_bones_in_frames_of_their_own_are_refused(document: dict[str, object], tmp_path: Path) -> None:
     for bone, by_mm in (("tibia_r", [0.0, 0.0, -500.0]), ("femur_r", [200.0, 0.0, 0.0])):
         with pytest.raises(InputError, match=r"lies .* mm from .* frame of one image") as caught:
-            gather_images(moved(document, tmp_path, bone, by_mm), MODEL)
+            read_images(moved(document, tmp_path, bone, by_mm))
         assert caught.value.field == f"bones.{bone}"
 
 
 def test_a_knee_that_gapes_is_reported(document: dict[str, object], tmp_path: Path) -> None:
-    _, reported = gather_images(moved(document, tmp_path, "tibia_r", [0.0, 0.0, -15.0]), MODEL)
-    assert any("tibia_r" in note and "other poses, images or persons" in note for note in map(str, reported))
+    imaged = read_images(moved(document, tmp_path, "tibia_r", [0.0, 0.0, -15.0]))
+    assert imaged is not None
+    assert any(
+        "tibia_r" in note and "other poses, images or persons" in note for note in map(str, imaged.notes)
+    )
 
 
 def test_bones_are_left_alone_with_other_models(document: dict[str, object], tmp_path: Path) -> None:
-    evidence, reported = gather_images(replace(subject(document, tmp_path), model="own.json"), MODEL)
-    assert evidence is None
-    assert "built-in and .osim models only" in str(reported[0])
+    imaged = read_images(replace(subject(document, tmp_path), model="own.json"))
+    assert imaged is not None
+    assert place_images(imaged, MODEL, MODEL.marker_names, {}) is None
+    assert "built-in and .osim models only" in str(imaged.notes[0])

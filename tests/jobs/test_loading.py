@@ -10,18 +10,23 @@ import pytest
 
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.axes import agree_on_axes
-from scaling_service.capabilities.subject.loading import load, read_model
+from scaling_service.capabilities.subject.loading import Loaded, load, read_files, read_model
 from scaling_service.capabilities.subject.reading import blame_file, load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.files.trc import write_trc
+from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.recording.orientation import decide
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.laboratory import known_person, laboratory, write_recording
 
 
+def load_all(subject: Subject, settings: Settings = Settings(), *, facing: bool = False) -> Loaded:
+    return load(subject, read_files(subject), settings, facing=facing)
+
+
 def test_axes_unit_and_names_are_found(subject_file: Path) -> None:
-    loaded = load(load_subject(subject_file), UNSMOOTHED, facing=True)
+    loaded = load_all(load_subject(subject_file), UNSMOOTHED, facing=True)
     person = known_person().session
     assert loaded.axes == "up +z, forward -y"
     for ours, true in zip(
@@ -35,7 +40,7 @@ def test_axes_unit_and_names_are_found(subject_file: Path) -> None:
 
 
 def test_what_was_taken_for_what_is_reported(subject_file: Path) -> None:
-    loaded = load(load_subject(subject_file))
+    loaded = load_all(load_subject(subject_file))
     assert loaded.markers_used["RLFE"] == ("S01:RKNE",)
     assert loaded.markers_used["RFH"] == ("RFH",)
     session = loaded.session
@@ -57,7 +62,7 @@ def test_a_turn_counts_less_than_a_straight_walk(order: int) -> None:
 
 def test_given_axes_win(subject_file: Path) -> None:
     settings = Settings(up="+y", forward="x", processing=UNSMOOTHED.processing)
-    loaded = load(load_subject(subject_file), settings)
+    loaded = load_all(load_subject(subject_file), settings)
     assert loaded.axes == "up +y, forward +x"
 
 
@@ -65,7 +70,7 @@ def test_labels_may_differ_from_trial_to_trial(tmp_path: Path) -> None:
     file = laboratory(tmp_path)
     walk = known_person().session.evaluation[0].relabel({"RLFE": "RKNEE"})
     write_trc(tmp_path / "walk.trc", walk)
-    assert load(load_subject(file)).markers_used["RLFE"] == ("S01:RKNE", "RKNEE")
+    assert load_all(load_subject(file)).markers_used["RLFE"] == ("S01:RKNE", "RKNEE")
 
 
 def test_the_subject_files_map_wins_over_a_markers_own_name(tmp_path: Path) -> None:
@@ -74,7 +79,7 @@ def test_the_subject_files_map_wins_over_a_markers_own_name(tmp_path: Path) -> N
     for name, trial in (("standing", person.session.static), ("hips", person.session.calibration[0])):
         assert trial is not None
         write_recording(tmp_path / f"{name}.trc", trial.relabel({"RFH": "RFHX", "RMM": "RFH"}))
-    session = load(load_subject(file), UNSMOOTHED, facing=True).session
+    session = load_all(load_subject(file), UNSMOOTHED, facing=True).session
     assert session.static is not None
     assert person.session.static is not None
     found, true = session.static.position("RFH"), person.session.static.position("RFH")
@@ -90,7 +95,7 @@ def test_a_mapped_label_may_be_in_the_static_trial_only(tmp_path: Path) -> None:
     write_recording(tmp_path / "standing.trc", person.session.static.relabel({"RMFE": "INNER"}))
     for name, trial in (("hips", person.session.calibration[0]), ("walk", person.session.evaluation[0])):
         write_recording(tmp_path / f"{name}.trc", trial.select([n for n in trial.labels if n != "RMFE"]))
-    assert load(load_subject(file)).markers_used["RMFE"] == ("INNER",)
+    assert load_all(load_subject(file)).markers_used["RMFE"] == ("INNER",)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +109,7 @@ def test_a_mapped_label_may_be_in_the_static_trial_only(tmp_path: Path) -> None:
 def test_wrong_names_are_named(tmp_path: Path, changes: dict[str, object], field: str, remedy: str) -> None:
     file = laboratory(tmp_path, **changes)
     with pytest.raises(InputError) as caught, blame_file(file):
-        load(load_subject(file))
+        load_all(load_subject(file))
     assert caught.value.file is not None
     assert caught.value.field == field
     assert remedy in (caught.value.remedy or "")
@@ -119,7 +124,7 @@ def test_markers_that_no_recording_shows_are_reported(tmp_path: Path) -> None:
         )
         assert trial is not None
         write_recording(tmp_path / f"{name}.trc", trial.select([n for n in trial.labels if n != "LFH"]))
-    warnings = load(load_subject(file)).session.warnings
+    warnings = load_all(load_subject(file)).session.warnings
     assert any("LFH" in text and "not used" in text for text in warnings)
     assert any("RTHI" in text and "left out" in text for text in warnings)
 
@@ -128,7 +133,7 @@ def test_a_damaged_recording_is_named(tmp_path: Path) -> None:
     file = laboratory(tmp_path)
     (tmp_path / "hips.trc").write_text("nothing", encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load(load_subject(file))
+        load_all(load_subject(file))
     assert caught.value.file == str((tmp_path / "hips.trc").resolve())
     assert caught.value.remedy
 

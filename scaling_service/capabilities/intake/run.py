@@ -23,7 +23,7 @@ from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import reading
 from scaling_service.capabilities.subject.checks import require_landmarks
-from scaling_service.capabilities.subject.loading import load, read_model
+from scaling_service.capabilities.subject.loading import load, read_files, read_model
 from scaling_service.core import errors
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.text import list_few
@@ -345,7 +345,8 @@ class _Look:
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = reading.make_subject(check_document(proposed), folder=self.folder)
-            session = load(subject, self.settings, read, facing=True, who=who).session
+            files = read_files(subject, read)
+            session = load(subject, files, self.settings, facing=True, who=who).session
             found = [one for one in session.notes if isinstance(one, recording_findings.Finding)]
             yield from self._tell(found)
             yield from warnings.tell_notes(one for one in session.notes if one not in found)

@@ -147,7 +147,8 @@ def ik(
     processing = ProcessingSettings.smoothed(options.smooth_hz)
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blame_file(None, files):
-        loaded = replace(loading.load(places, settings, standing=not options.angles), file=subject_file)
+        read = loading.read_files(places)
+        loaded = replace(loading.load(places, read, settings, standing=not options.angles), file=subject_file)
         session, found = loaded.session, {}
         trials, mounted = join_recordings(session.evaluation), None
         if any(trial.rotations is not None for trial in trials):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import abc
+from dataclasses import dataclass, field
+
 from scaling_service.bones import images, results, whole
 from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
@@ -18,42 +21,38 @@ _BONES_UNUSED = Note(
 )
 
 
-def gather_images(
-    subject: Subject, model: body.BodyModel
-) -> tuple[trial.ImageEvidence | None, tuple[Note, ...]]:
-    """What a subject's bones and image markers say, and what to tell of it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imaged:
+    """Bones and markers of one image as they were read, in its frame, m; no model is known yet.
 
-    Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
-    InputError: a file cannot be read, or a mesh is not the bone that it is said to be.
+    ``landmarks`` and ``surfaces``: bone to what was found on it, and to its vertices and faces. ``markers``:
+    label to the bone it sits on, and where.
+    """
+
+    landmarks: abc.Mapping[str, results.BoneLandmarks] = field(default_factory=dict)
+    surfaces: abc.Mapping[str, images.Arrays] = field(default_factory=dict)
+    markers: abc.Mapping[str, tuple[str, body.Vector]] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+
+
+def read_images(subject: Subject) -> Imaged | None:
+    """Read a subject's bones and image markers, None where there are none, and find the bones' landmarks.
+
+    With a model that takes no bones nothing is read, and a note says so. Raises InputError: a file cannot be
+    read, or a mesh is not the bone that it is said to be.
     """
     if not subject.bones:
-        return None, ()
+        return None
     if not takes_bones(subject):
-        return None, (_BONES_UNUSED,)
+        return Imaged(notes=(_BONES_UNUSED,))
     imaged = images.read_bones(subject.bones, subject.bone_units)
     try:
         found = imaged.widen(whole.find_landmarks(imaged.meshes))
         of_image = (*whole.check_joined(found), *imaged.tell())
     except results.MeshRefused as error:
         file = subject.bones.get(error.field or "", subject.bones.get(images.SEGMENTATION))
-        field = f"bones.{error.field}" if error.field in subject.bones else error.field
-        raise results.MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {find_body(model, name) or name: trial.Bone(*shape) for name, shape in imaged.meshes.items()}
-    # Image markers under the model's names, those on segments that the model has
-    if subject.image_markers is None:
-        markers = {}
-    else:
-        seen = read_image_markers(subject.image_markers)
-        wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
-        explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
-        names = match_labels(list(seen), wanted, explicit).mapped
-        placed = {marker: seen[label] for marker, label in names.items()}
-        markers = {
-            marker: (segment, at)
-            for marker, (bone, at) in placed.items()
-            if (segment := find_body(model, bone) or bone) in model.segment_names
-        }
-    evidence = whole.collect_evidence(found, markers, bones)
+        name = f"bones.{error.field}" if error.field in subject.bones else error.field
+        raise results.MeshRefused(error.problem, file=file, field=name, remedy=error.remedy) from None
     notes: list[Note] = []
     for name, bone in found.items():
         notes.extend(Note(code="bone", place=name, problem=text) for text in bone.warnings)
@@ -66,7 +65,34 @@ def gather_images(
             )
             for point, why in bone.refused.items()
         )
-    return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
+    return Imaged(
+        landmarks=found,
+        surfaces=imaged.meshes,
+        markers={} if subject.image_markers is None else read_image_markers(subject.image_markers),
+        notes=(*notes, *(Note(code="image", problem=text) for text in of_image)),
+    )
+
+
+def place_images(
+    imaged: Imaged, model: body.BodyModel, wanted: abc.Sequence[str], marker_map: abc.Mapping[str, str]
+) -> trial.ImageEvidence | None:
+    """What an image says of a model, under its names; None without landmarks.
+
+    ``wanted``: markers to look for. ``marker_map``: model marker to label, as the subject file says. Markers
+    on segments that the model does not have are left out.
+    """
+    if not imaged.landmarks:
+        return None
+    explicit = {marker: label for marker, label in marker_map.items() if label in imaged.markers}
+    names = match_labels(list(imaged.markers), wanted, explicit).mapped
+    placed = {marker: imaged.markers[label] for marker, label in names.items()}
+    markers = {
+        marker: (segment, at)
+        for marker, (bone, at) in placed.items()
+        if (segment := find_body(model, bone) or bone) in model.segment_names
+    }
+    bones = {find_body(model, name) or name: trial.Bone(*shape) for name, shape in imaged.surfaces.items()}
+    return whole.collect_evidence(imaged.landmarks, markers, bones)
 
 
 def takes_bones(subject: Subject) -> bool:

@@ -199,11 +199,3 @@ def list_placed(model: BodyModel, subject: Subject, trials: abc.Iterable[Trial])
     turned = {label for trial in given if trial.rotations is not None for label in trial.rotations.labels}
     on = {label: segment for label in sorted(turned) if (segment := match_rotation(label, model)) is not None}
     return on | {name: segment for name, segment in segments.items() if name in shown}
-
-
-def list_used_labels(
-    maps: abc.Sequence[abc.Mapping[str, str]], wanted: abc.Sequence[str]
-) -> dict[str, tuple[str, ...]]:
-    """Model marker to the labels that were taken for it in the recordings."""
-    every = {name: tuple(dict.fromkeys(m[name] for m in maps if name in m)) for name in wanted}
-    return {name: labels for name, labels in every.items() if labels}

@@ -16,7 +16,7 @@ from scaling_service.capabilities.subject.axes import (
     decide_axes,
     list_level_corners,
 )
-from scaling_service.capabilities.subject.images import gather_images
+from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
@@ -67,16 +67,18 @@ class Loaded:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Read:
+class Files:
     """What the files of a subject hold: the model, and the recordings under labels of their own.
 
-    ``vertical``: the axis along which the model stands.
+    ``model``: with points in space that recordings show, and without following those that software computes.
+    ``vertical``: the axis along which it stands.
     """
 
-    subject: subjects.Subject
     model: body.BodyModel
     recordings: abc.Mapping[Path, recording.Recording]
     vertical: int
+    scale_setup: subjects.ScaleSetup | None
+    images: Imaged | None
     notes: tuple[Note, ...]
 
 
@@ -94,8 +96,15 @@ class Understood:
     labels: abc.Mapping[Path, abc.Mapping[str, str]]
     clusters: abc.Mapping[str, tuple[str, ...]]
     axes: orientations.Orientation
-    plates: abc.Mapping[Path, PlateRecording | TrialUnusable]
     notes: tuple[Note, ...]
+
+    def list_used_labels(self) -> dict[str, tuple[str, ...]]:
+        """Model marker to the labels that were taken for it in the recordings."""
+        used: dict[str, tuple[str, ...]] = {}
+        for name in labels.list_wanted(self.model, self.subject):
+            if taken := tuple(dict.fromkeys(one[name] for one in self.labels.values() if name in one)):
+                used[name] = taken
+        return used
 
 
 def open_subject(
@@ -114,7 +123,7 @@ def open_subject(
     file = None if isinstance(subject, subjects.Subject) else Path(subject)
     known = subject if isinstance(subject, subjects.Subject) else reading.load_subject(subject)
     with reading.blame_file(file):
-        loaded = load(known, settings, facing=facing)
+        loaded = load(known, read_files(known), settings, facing=facing)
         return replace(
             loaded, session=subject_rotations.part_rotations(loaded.session, wanted=rotations), file=file
         )
@@ -122,50 +131,52 @@ def open_subject(
 
 def load(
     subject: subjects.Subject,
+    files: Files,
     settings: Settings = Settings(),
-    read: abc.Mapping[Path, recording.Recording] = _NOTHING,
     *,
     facing: bool = False,
     standing: bool = False,
     who: Identification | None = None,
 ) -> Loaded:
-    """Read the model and the recordings of a subject, understand, question and prepare them.
+    """Understand, question and prepare what the files of a subject hold.
 
     Labels become the model's marker names, positions m with Y up, gaps are filled as the settings allow;
     everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes,
     as forces do in their files: only what is not Y up is turned, about a level axis.
 
-    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
-    whether to turn the person X forward, for results that are told along and across the way.
+    ``files``: by :func:`read_files`. ``facing``: whether to turn the person X forward, for results that are
+    told along and across the way.
     ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
     ``who``: what geometry tells of the labels, where it was asked already.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    found = read_files(subject, read)
-    understood = understand(found, settings, facing=facing, standing=standing, who=who)
-    return prepare(understood, question(understood), settings.processing)
+    understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
+    return prepare(understood, question(understood), files, settings.processing)
 
 
-def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Read:
-    """Read the model with its bones and the recordings; sizes that these state complete the subject.
+def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Files:
+    """Read the model with its bones, the recordings, the scale set-up and the images; nothing else is read.
 
-    ``known``: recordings that were read already.
+    ``known``: recordings that were read already, by :func:`read_recordings`. Raises InputError: a file cannot
+    be read, or lacks what the subject says of it.
     """
     model, of_bones = assign_bones(read_model(subject.model, subject.marker_set), subject.bone_bodies)
     labels.check_segments(subject, model)
     recordings = read_recordings(subject, known)
-    completed, of_sizes = reading.with_stated_sizes(subject, recordings)
-    return Read(
-        subject=completed,
-        model=model,
+    every = [label for found in recordings.values() for label in found.labels]
+    return Files(
+        model=labels.without_computed(key_points.add_key_points(model, every), subject),
         recordings=recordings,
         vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
-        notes=(*(Note(code="model", problem=text) for text in model.notes), *of_bones, *of_sizes),
+        scale_setup=None if subject.scale_setup is None else read_scale_setup(subject.scale_setup),
+        images=read_images(subject),
+        notes=(*(Note(code="model", problem=text) for text in model.notes), *of_bones),
     )
 
 
 def understand(
-    read: Read,
+    subject: subjects.Subject,
+    files: Files,
     settings: Settings,
     *,
     facing: bool = False,
@@ -173,57 +184,54 @@ def understand(
     who: Identification | None = None,
 ) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
-    every = [label for found in read.recordings.values() for label in found.labels]
-    model = labels.without_computed(key_points.add_key_points(read.model, every), read.subject)
-    marked = {path: found for path, found in read.recordings.items() if found.labels}
+    model = files.model
+    subject, of_sizes = reading.with_stated_sizes(subject, files.recordings)
+    marked = {path: found for path, found in files.recordings.items() if found.labels}
     if not marked:
         # As :func:`understand`, where no recording has a marker
-        if read.vertical != 1:
+        if files.vertical != 1:
             raise TrialUnusable(
-                f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
+                f"the model stands along {'xyz'[files.vertical]}; rotations are followed by those along y",
                 field="model",
                 remedy="Turn the model so that its gravity points along -y",
             )
         turned = {
             path: subject_rotations.decide_axes_of_rotations(found.trial, settings)
-            for path, found in read.recordings.items()
+            for path, found in files.recordings.items()
         }
         first = next(iter(turned.values()))
         return Understood(
-            subject=read.subject,
+            subject=subject,
             model=model,
             trials={
                 path: orientations.turn_rotations(turned[path], found.trial)
-                for path, found in read.recordings.items()
+                for path, found in files.recordings.items()
             },
             labels={path: {} for path in turned},
             clusters={},
             axes=first,
-            plates={
-                path: found.plates for path, found in read.recordings.items() if found.plates is not None
-            },
-            notes=read.notes,
+            notes=(*files.notes, *of_sizes),
         )
-    labels.check_explicit(read.subject, model, list(marked.values()))
-    subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked, who)
+    labels.check_explicit(subject, model, list(marked.values()))
+    subject, of_tracking = labels.with_tracking_markers(subject, model, marked, who)
     wanted = labels.list_wanted(model, subject)
     named = reading.apply_to_each(
         lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked
     )
     axes = decide_axes(
         {path: trial for path, (trial, _) in named.items()},
-        {path: list_level_corners(found) for path, found in read.recordings.items()},
+        {path: list_level_corners(found) for path, found in files.recordings.items()},
         model,
         settings,
         static=subject.static,
         facing=facing,
-        vertical=read.vertical,
+        vertical=files.vertical,
     )
-    axes = orientations.stand_along(axes, read.vertical) if standing else axes
+    axes = orientations.stand_along(axes, files.vertical) if standing else axes
     of_axes: tuple[Note, ...] = ()
-    if not standing and read.vertical != 1:
+    if not standing and files.vertical != 1:
         said = (
-            f"the model stands along its {'xyz'[read.vertical]} axis, and motions are written with y up: "
+            f"the model stands along its {'xyz'[files.vertical]} axis, and motions are written with y up: "
             "lengths are its own, but in other programs these motions lie down; `scaling-service ik` on the "
             "written model follows in its own axes"
         )
@@ -235,13 +243,12 @@ def understand(
             path: orientations.apply(axes, named[path][0])
             if path in named
             else subject_rotations.turn_alone(found.trial, settings)
-            for path, found in read.recordings.items()
+            for path, found in files.recordings.items()
         },
         labels={path: used for path, (_, used) in named.items()},
         clusters=labels.sort_by_segment(model, subject),
         axes=axes,
-        plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
-        notes=(*read.notes, *of_axes, *of_tracking),
+        notes=(*files.notes, *of_sizes, *of_axes, *of_tracking),
     )
 
 
@@ -255,8 +262,6 @@ def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
     trials = {path: trial for path, trial in understood.trials.items() if trial.labels}
     if not trials:
         return ()
-    reading.apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
-    checks.refuse_repeated(trials, subject)
     given = recording_findings.Recordings(
         trials=list(trials.values()),
         clusters=understood.clusters,
@@ -265,13 +270,19 @@ def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
         model=understood.model,
     )
     with reading.blame_file(None, list(trials)):
+        for trial in trials.values():
+            checks.refuse_one_spot(understood.model, trial)
+        checks.refuse_repeated(trials, subject)
         return recording_findings.refuse(person.ask(given))
 
 
 def prepare(
-    understood: Understood, findings: abc.Iterable[recording_findings.Finding], settings: ProcessingSettings
+    understood: Understood,
+    findings: abc.Iterable[recording_findings.Finding],
+    files: Files,
+    settings: ProcessingSettings,
 ) -> Loaded:
-    """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
+    """Smooth and fill the recordings, lock what they do not show, and add what else the files hold."""
     subject = understood.subject
     ready = reading.apply_to_each(
         lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
@@ -282,8 +293,16 @@ def prepare(
     seen = [label for trial in marked for label in trial.shown_labels]
     of_video = key_points.tell_key_points(understood.model, seen)
     model, of_freedoms = builtin.lock_unmarked(understood.model, placed)
-    setup, of_setup = _scale_setup(subject, model, ready)
-    images, of_images = gather_images(subject, model)
+    setup, of_setup = files.scale_setup, tuple[Note, ...]()
+    standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
+    if setup is not None and subject.scale_setup is not None and standing is not None:
+        with reading.blame_file(None, [standing]):
+            of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
+    if setup is not None and setup.placement is not None:  # its marker placer leaves these alone
+        fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
+        setup = replace(setup, placement=replace(setup.placement, fixed=fixed))
+    images = files.images
+    followed = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     session = subjects.Session(
         subject=subject,
         model=model,
@@ -295,20 +314,18 @@ def prepare(
             *understood.notes,
             *of_freedoms,
             *of_setup,
-            *of_images,
+            *(() if images is None else images.notes),
             *(of_video or (checks.summarise_recordings(model, subject, marked) if marked else ())),
             *findings,
         ),
-        images=images,
+        images=None if images is None else place_images(images, model, followed, subject.marker_map),
     )
     return Loaded(
         session=session,
-        markers_used=labels.list_used_labels(
-            list(understood.labels.values()), labels.list_wanted(understood.model, subject)
-        ),
+        markers_used=understood.list_used_labels(),
         axes=understood.axes.description,
         orientation=understood.axes,
-        plates=understood.plates,
+        plates={path: found.plates for path, found in files.recordings.items() if found.plates is not None},
     )
 
 
@@ -381,21 +398,3 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
         with reading.blame_file(Path(name_or_path)):
             return model_json.read_model_json(name_or_path)
     return builtin.load_builtin(str(name_or_path))
-
-
-def _scale_setup(
-    subject: subjects.Subject, model: body.BodyModel, ready: abc.Mapping[Path, Trial]
-) -> tuple[subjects.ScaleSetup | None, tuple[Note, ...]]:
-    """The set-up, and what it scales without effect; its marker placer leaves fixed markers alone."""
-    if subject.scale_setup is None:
-        return None, ()
-    setup = read_scale_setup(subject.scale_setup)
-    of_setup: tuple[Note, ...] = ()
-    standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
-    if standing is not None:
-        with reading.blame_file(None, [standing]):
-            of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
-    if setup.placement is None:
-        return setup, of_setup
-    fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
-    return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup

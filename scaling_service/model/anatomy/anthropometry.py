@@ -9,7 +9,7 @@ their stature. The numbers and their sources are in ``reference_models``: ``anth
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cache
 from itertools import product
 from types import MappingProxyType
@@ -30,6 +30,18 @@ STATED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.006, "mass": 0.0
 
 MEASURED_SD = 0.006
 """Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
+
+
+@dataclass(frozen=True, slots=True)
+class LandmarkSize:
+    """A distance between landmarks by measures of the body, and its doubt by where markers sit; m."""
+
+    ends: tuple[str, str]
+    terms: Mapping[str, float]
+    offset_m: float
+    sd_m: float
+    _: KW_ONLY
+    at_most: bool = False  # a bound that posture falls short of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

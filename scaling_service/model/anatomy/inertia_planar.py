@@ -6,7 +6,8 @@ and brought to the squat's own lengths.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,33 +25,22 @@ LUMPED = "winter2009"
 """The table that gives trunk, head and neck together and the whole arm: the built-in squat is made of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A planar segment: what it is made of, and one line that both models show.
+Part = tuple[tuple[str, ...], tuple[str, str], tuple[str, str]]
+"""A planar segment: what it is made of, and one line that both models show: where it begins and ends on the
+right of the whole body, and on the squat, by segments (their origins) or markers."""
 
-    ``whole`` and ``planar`` name where the line begins and ends, on the right of the whole body and on
-    the squat: segments (their origins) or markers.
-    """
-
-    pieces: tuple[str, ...]
-    whole: tuple[str, str]
-    planar: tuple[str, str]
-
-
-PARTS = {
-    "foot": Part(("calcn_r", "calcn_l"), ("calcn_r", "RTOE"), ("shank", "TOE")),
-    "shank": Part(("tibia_r", "tibia_l"), ("calcn_r", "tibia_r"), ("shank", "thigh")),
-    "thigh": Part(("femur_r", "femur_l"), ("tibia_r", "femur_r"), ("thigh", "torso")),
-    "torso": Part(("pelvis", "abdomen", "torso", "head"), ("femur_r", "humerus_r"), ("torso", "arm")),
-    "arm": Part(
+PARTS: Mapping[str, Part] = {
+    "foot": (("calcn_r", "calcn_l"), ("calcn_r", "RTOE"), ("shank", "TOE")),
+    "shank": (("tibia_r", "tibia_l"), ("calcn_r", "tibia_r"), ("shank", "thigh")),
+    "thigh": (("femur_r", "femur_l"), ("tibia_r", "femur_r"), ("thigh", "torso")),
+    "torso": (("pelvis", "abdomen", "torso", "head"), ("femur_r", "humerus_r"), ("torso", "arm")),
+    "arm": (
         ("humerus_r", "humerus_l", "ulna_r", "ulna_l", "hand_r", "hand_l"),
         ("humerus_r", "RELB"),
         ("arm", "ELB"),
     ),
 }
 """The squat's segments; the arm hangs straight."""
-
-_ITSELF = {name: replace(part, pieces=(name,), whole=part.planar) for name, part in PARTS.items()}
 
 
 def apply_to_squat(
@@ -77,7 +67,8 @@ def apply_to_squat(
         squat = load_builtin(SQUAT)
         factor, inertias = mass_kg / sum_mass(squat), gather_inertias(squat)
         heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
-        body, parts = inertia.Neutral.of(with_inertias(squat, heavier)), _ITSELF
+        body = inertia.Neutral.of(with_inertias(squat, heavier))
+        parts = {name: ((name,), line, line) for name, (_, _, line) in PARTS.items()}
     notes = whole.notes[:1] if own else whole.notes
     planar = inertia.Neutral.of(model)
     segments = tuple(_lump_segments(s, parts[s.name], body, planar) for s in model.segments)
@@ -86,8 +77,9 @@ def apply_to_squat(
 
 
 def _lump_segments(segment: Segment, part: Part, body: inertia.Neutral, planar: inertia.Neutral) -> Segment:
-    start, end = (_place(body, name) for name in part.whole)
-    new_start, new_end = (_place(planar, name) for name in part.planar)
+    pieces, whole, line = part
+    start, end = (_place(body, name) for name in whole)
+    new_start, new_end = (_place(planar, name) for name in line)
     size = _measure_flat_length(new_end - new_start) / _measure_flat_length(end - start)
     # Rotation about z that brings one direction onto another
     old = end - start
@@ -95,7 +87,7 @@ def _lump_segments(segment: Segment, part: Part, body: inertia.Neutral, planar: 
     angle = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    mass, com, tensor = _sum_inertias(body, part.pieces)
+    mass, com, tensor = _sum_inertias(body, pieces)
     at = new_start + size * turn @ (com - start)
     local = planar.local(segment.name, at)
     spread = size**2 * turn @ tensor @ turn.T

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from types import MappingProxyType
@@ -29,6 +29,10 @@ _COMPUTED = re.compile(
 )
 """Joint centres, projections, midpoints, axes and results, as the files of public recordings name them and
 Vicon's Plug-in Gait Reference Guide does."""
+
+_LEFT_OUT = ("", "prefix left out", "capitals ignored", "known alias")
+"""What a comparison of names leaves out, from strict to lenient: what a stricter one has matched is settled
+before the next one looks."""
 
 SACRUM = "SACR"
 """One marker that stands for both PSIS."""
@@ -151,21 +155,10 @@ def is_computed(label: str) -> bool:
     return bool(_COMPUTED.search(make_plain_key(label)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Level:
-    """One way of comparing names, and how to say that it was needed."""
-
-    key: Callable[[str], str | None]
-    reason: str
-
-
-_LEVELS: tuple[_Level, ...] = (
-    _Level(lambda name: name, ""),
-    _Level(strip_prefix, "prefix left out"),
-    _Level(lambda name: strip_prefix(name).casefold(), "capitals ignored"),
-    _Level(find_canonical, "known alias"),
-)
-"""From strict to lenient: what a stricter comparison has matched is settled before the next one looks."""
+def _list_keys(name: str) -> tuple[str | None, ...]:
+    """What names are compared by, in the order of ``_LEFT_OUT``; None where that says nothing."""
+    plain = strip_prefix(name)
+    return name, plain, plain.casefold(), find_canonical(name)
 
 
 def describe_likeness(label: str, marker: str) -> str | None:
@@ -176,11 +169,8 @@ def describe_likeness(label: str, marker: str) -> str | None:
     >>> [describe_likeness(name, "RASIS") for name in ("RASIS", "S01:RASI", "RTHI")]
     ['', 'known alias', None]
     """
-    for level in _LEVELS:
-        key = level.key(marker)
-        if key is not None and key == level.key(label):
-            return level.reason
-    return None
+    compared = zip(_LEFT_OUT, _list_keys(marker), _list_keys(label), strict=True)
+    return next((why for why, one, other in compared if one is not None and one == other), None)
 
 
 def match_labels(
@@ -205,7 +195,7 @@ def match_labels(
     """
     present = tuple(dict.fromkeys(labels))
     mapped, notes = _match_explicit(present, wanted, explicit or {})
-    for level in _LEVELS:
+    for level, why in enumerate(_LEFT_OUT):
         free = [label for label in present if label not in mapped.values()]
         open_markers = [name for name in wanted if name not in mapped]
         labels_of, markers_of = _group_labels(level, free), _group_labels(level, open_markers)
@@ -224,8 +214,8 @@ def match_labels(
                 matches[names[0]] = found[0]
         for name, label in matches.items():
             mapped[name] = label
-            if level.reason:
-                notes.append(f"{name} is '{label}' ({level.reason})")
+            if why:
+                notes.append(f"{name} is '{label}' ({why})")
     notes += [
         f"'{label}' is used as marker {name}, though its name is that of a computed point"
         for name, label in mapped.items()
@@ -265,10 +255,10 @@ def _match_explicit(
     return mapped, [f"{marker} is '{label}' (as the subject file says)" for marker, label in mapped.items()]
 
 
-def _group_labels(level: _Level, names: Sequence[str]) -> dict[str, list[str]]:
+def _group_labels(level: int, names: Sequence[str]) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = defaultdict(list)
     for name in names:
-        key = level.key(name)
+        key = _list_keys(name)[level]
         if key is not None:
             groups[key].append(name)
     return groups

@@ -143,7 +143,7 @@ def delete_job(job: JobId, owner: callers.Owner, service: callers.ServiceDep) ->
         },
         204: {"description": "It is over, and its last event was seen"},
     },
-    dependencies=streams.BOUNDED,
+    dependencies=[fastapi.Depends(streams.hold_stream)],
 )
 async def get_events(
     job: JobId,
@@ -213,7 +213,7 @@ def list_files(job: JobId, owner: callers.Owner, service: callers.ServiceDep) ->
     response_class=fastapi.Response,
     responses=describe_refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
-    dependencies=streams.BOUNDED,
+    dependencies=[fastapi.Depends(streams.hold_stream)],
 )
 def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> fastapi.Response:
     """Download all that a job made as one zip."""
@@ -233,7 +233,7 @@ def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -
     "/{job}/files/{path:path}",
     response_class=fastapi.Response,
     responses=contents.describe_file_responses({"type": "string"}),
-    dependencies=streams.BOUNDED,
+    dependencies=[fastapi.Depends(streams.hold_stream)],
 )
 def get_file(
     job: JobId,

@@ -40,14 +40,11 @@ class Streams:
                 del self._open[owner]
 
 
-async def _hold_stream(request: fastapi.Request, owner: Owner) -> abc.AsyncIterator[None]:
-    """Ends when the answer was sent or the client is gone (FastAPI 0.118)."""
+async def hold_stream(request: fastapi.Request, owner: Owner) -> abc.AsyncIterator[None]:
+    """Of a route that lasts; ends when the answer was sent or the client is gone (FastAPI 0.118)."""
     streams: Streams = request.app.state.streams
     with streams.hold(owner):
         yield
-
-
-BOUNDED = [fastapi.Depends(_hold_stream)]  # dependencies of a route that lasts
 
 
 class BoundedResponse(StreamingResponse):

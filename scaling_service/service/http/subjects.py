@@ -18,7 +18,7 @@ from scaling_service.documents.subject import SubjectDocument
 from scaling_service.service.http import bodies, callers, contents
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
-from scaling_service.service.http.streams import BOUNDED
+from scaling_service.service.http.streams import hold_stream
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store import tables
@@ -151,7 +151,7 @@ def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep
 @router.put(
     "/{subject}/files/{name}",
     responses=describe_refusals(404, 408, 413, 507),
-    dependencies=BOUNDED,
+    dependencies=[fastapi.Depends(hold_stream)],
     # No body is a file without content, which is the fault of the job that reads it.
     openapi_extra={
         "requestBody": {"required": False, "content": {"application/octet-stream": {"schema": _BYTES}}}
@@ -178,7 +178,7 @@ async def put_file(
     "/{subject}/files/{name}",
     response_class=fastapi.Response,
     responses=contents.describe_file_responses(_BYTES),
-    dependencies=BOUNDED,
+    dependencies=[fastapi.Depends(hold_stream)],
 )
 def get_file(
     subject: Named,

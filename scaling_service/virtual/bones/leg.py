@@ -23,6 +23,9 @@ from scaling_service.virtual.subject import Sex
 
 Side = Literal["r", "l"]
 
+Spread = tuple[tuple[float, float], tuple[float, float], float]
+"""Mean and SD of men and of women, and the correlation with the length of the bone."""
+
 LONGEST = 2.0
 """Standard deviations beyond which nothing is drawn; chosen, the persons are healthy adults."""
 
@@ -45,39 +48,29 @@ FIBULA_HEAD_M = 9.5e-3  # chosen: radius of the fibula's head
 _APART_M = 2.5e-3  # chosen: least gap between tibia and fibula
 _PLAFOND_M = 0.018  # chosen: the tibia's end over the ankle centre, about the radius of the talus
 
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Mean and SD of men and of women, and the correlation with the length of the bone."""
-
-    men: tuple[float, float]
-    women: tuple[float, float]
-    with_length: float = 0.0
-
-
 SIZES_MM: Mapping[str, Spread] = {
     # Femoral heads: facts of forensic anthropology (diameters 48 (2.5) and 42.5 (2.2)), halved.
-    "head_radius": Spread((24.0, 1.25), (21.25, 1.1), 0.6),
+    "head_radius": ((24.0, 1.25), (21.25, 1.1), 0.6),
     # Kapur et al., Folia Medica, 52 men and 48 women, dry bone.
-    "epicondylar_breadth": Spread((82.65, 3.96), (72.47, 3.49), 0.6),
+    "epicondylar_breadth": ((82.65, 3.96), (72.47, 3.49), 0.6),
     # The mean of both condyles, 21.5 (1.8) mm (of the order of Iwaki et al. 2000); women a tenth less.
-    "condyle_radius": Spread((21.5, 1.6), (19.4, 1.5), 0.6),
+    "condyle_radius": ((21.5, 1.6), (19.4, 1.5), 0.6),
     # Medial over lateral: 22 against 21 mm (as above); SD chosen, no difference found by Li et al. 2012.
-    "condyle_difference": Spread((1.0, 0.8), (0.9, 0.7)),
+    "condyle_difference": ((1.0, 0.8), (0.9, 0.7), 0.0),
     # From the head's centre to the shaft's axis, square to it; chosen, usual in planning hip prostheses.
-    "femoral_offset": Spread((42.0, 4.0), (38.0, 4.0), 0.4),
+    "femoral_offset": ((42.0, 4.0), (38.0, 4.0), 0.4),
     # How far the shaft bows forward off the line between its ends; chosen.
-    "femoral_bow": Spread((9.0, 2.0), (8.5, 2.0)),
+    "femoral_bow": ((9.0, 2.0), (8.5, 2.0), 0.0),
     # Half the width in mid-shaft; chosen, the width is 26-29 mm.
-    "shaft_radius": Spread((14.0, 0.9), (12.6, 0.8), 0.4),
+    "shaft_radius": ((14.0, 0.9), (12.6, 0.8), 0.4),
 }
 """Correlations with length are chosen: large bones are large all over, but not strictly."""
 
 ANGLES_DEG: Mapping[str, Spread] = {
     # Computed tomography of 600 hips (Egypt J Radiol Nucl Med 2023, 54:96).
-    "neck_shaft": Spread((129.65, 4.13), (129.28, 3.71)),
+    "neck_shaft": ((129.65, 4.13), (129.28, 3.71), 0.0),
     # van der Linden 2015, 50 femora, both sexes.
-    "anteversion": Spread((11.7, 8.2), (11.7, 8.2)),
+    "anteversion": ((11.7, 8.2), (11.7, 8.2), 0.0),
 }
 
 
@@ -123,10 +116,10 @@ def make_leg_shape(seed: int, side: Side, sex: Sex, length: float) -> LegShape:
 
 
 def _draw_size(seed: int, name: str, side: Side, sex: Sex, length: float, spread: Spread) -> float:
-    mean, sd = spread.men if sex == "M" else spread.women
+    men, women, rho = spread
+    mean, sd = men if sex == "M" else women
     both, one = stream(seed, "bones", name).normal(), stream(seed, "bones", name, side).normal()
     own = np.sqrt(SIDES_ALIKE) * both + np.sqrt(1.0 - SIDES_ALIKE) * one
-    rho = spread.with_length
     share = np.clip(rho * length + np.sqrt(1.0 - rho**2) * own, -LONGEST, LONGEST)
     return float(mean + sd * share)
 

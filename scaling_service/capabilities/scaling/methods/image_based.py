@@ -401,6 +401,3 @@ class ImageBased:
         found = _state_deviations(_scale(session, settings, start, evidence), evidence)
         warnings = (*found.warnings, *doubts)
         return replace(found, warnings=warnings, wall_s=time.perf_counter() - clock)
-
-
-EB = ImageBased()

@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.ordinary.forces import WrenchTable
 from scaling_service.capabilities.discovery.ordinary.soles import tabulate_steps
-from scaling_service.capabilities.discovery.search.naming import SCALED_HERE, Naming
+from scaling_service.capabilities.discovery.search.naming import Naming, Origin
 from scaling_service.capabilities.discovery.start import Prepared, prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import Steps, show_nothing
@@ -120,7 +120,7 @@ def test_forces_and_moments_are_judged_as_one_wrench(fit: Fit) -> None:
         return replace(fit, wrenches=tuple(made))
 
     def gain(before: Fit, after: Fit) -> float | None:
-        naming = Naming(fit=before, origin=SCALED_HERE, steps=Steps(report=show_nothing))
+        naming = Naming(fit=before, origin=Origin(), steps=Steps(report=show_nothing))
         return naming._measure_gain(after, candidate)[0]
 
     share = gain(press(30.0, 0.0), press(0.0, 0.5))

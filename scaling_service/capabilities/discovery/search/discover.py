@@ -49,7 +49,6 @@ from scaling_service.capabilities.discovery.search.gaps import (
 from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import (
-    SCALED_HERE,
     SHOWN,
     Named,
     Origin,
@@ -81,7 +80,7 @@ def discover(
     settings: DiscoverySettings = DiscoverySettings(),
     progress: Progress | None = None,
     notes: Sequence[str] = (),
-    origin: Origin = SCALED_HERE,
+    origin: Origin = Origin(),
 ) -> Discovery:
     """Search the catalogue for what the model does not have.
 

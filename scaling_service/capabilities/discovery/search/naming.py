@@ -42,7 +42,7 @@ SHOWN = 30  # of what was not named (chosen)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """Where the model comes from.
+    """Where the model comes from; unless told, scaled here, for a person whose mass was not declared.
 
     ``given``: it was made for the person elsewhere; ``placed``: its markers' places were fitted;
     ``declared_kg``: the person's mass, if it was declared.
@@ -51,10 +51,6 @@ class Origin:
     given: bool = False
     placed: bool = True
     declared_kg: float | None = None
-
-
-SCALED_HERE = Origin()
-"""A model with fitted markers, of a person whose mass was not declared."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

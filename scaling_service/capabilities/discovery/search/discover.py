@@ -80,7 +80,7 @@ def discover(
     settings: DiscoverySettings = DiscoverySettings(),
     progress: Progress | None = None,
     notes: Sequence[str] = (),
-    origin: Origin = Origin(),
+    origin: Origin | None = None,
 ) -> Discovery:
     """Search the catalogue for what the model does not have.
 
@@ -101,7 +101,7 @@ def discover(
     steps = Steps(report=progress or show_nothing)
     steps.begin("following the recordings", 0.0, LABELS)
     context = SearchContext(model=model, recordings=recordings, settings=settings, advance=steps.advance)
-    search = Search(fit=fit_recordings(context), origin=origin, steps=steps)
+    search = Search(fit=fit_recordings(context), origin=origin or Origin(), steps=steps)
     search.find_labels()
     body = search.search_body()
     forces = search.search_forces()

@@ -12,6 +12,7 @@ _SHORT = {
     "arm_rot": "arm rotation",
     "elbow_flex": "elbow flexion",
     "pro_sup": "forearm rotation",
+    "inter_hip": "distance between the hips",
 }
 """Names of OpenSim's models and of this program that are no words."""
 

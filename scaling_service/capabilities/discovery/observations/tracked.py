@@ -183,12 +183,6 @@ def span(pose: Array) -> Array:
     return np.asarray((np.linalg.inv(np.linalg.cholesky(bend)) * scale[:, None, :]) @ pose)
 
 
-def without_span(residuals: Array, basis: Array) -> Array:
-    """Residuals (n, r) without what a basis (n, q, r) takes of them."""
-    taken = basis @ residuals[:, :, None]
-    return residuals - (basis.transpose(0, 2, 1) @ taken)[:, :, 0]
-
-
 def _carry_over_motion(task: Task, near: MotionFit | None) -> Array | None:
     """The motion of the same trial as it was tracked before, by names of coordinates; new ones at zero."""
     if near is None:

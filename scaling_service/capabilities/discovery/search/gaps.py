@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.document import (
     PlaceLevelDocument,
 )
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span, without_span
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import (
     ForceEvidence,
@@ -28,7 +28,6 @@ from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.core.arrays import Array
 
 _NORMAL_95 = 1.96
-_DRAWS = 32  # of ordinary persons; chosen: over some thirty frames they tell a deviation to 3 %
 _CORRELATED = (
     0.3  # share of a residual's variance that a coordinate explains, from which it is reported (chosen)
 )
@@ -51,23 +50,24 @@ class Expected:
 
 
 def expect_markers(body: BodyTable) -> dict[str, Expected]:
-    """Of every recording: by persons drawn from what is ordinary at the levels learnt; their poses follow."""
-    stream, found = np.random.default_rng(0), {}
+    """Of every recording: the mean over ordinary people at the levels learnt, whose poses follow."""
+    found = {}
     for k, white in enumerate(body.whites):
         look = white.look
         both = (body.ordinary.common, body.ordinary.own)
         directions = np.concatenate([s.expand(len(body.base), body.levels)[0] for s in both], axis=1)
-        drawn = directions @ stream.normal(size=(directions.shape[1], _DRAWS))
+        strays = [
+            np.matmul(moved[:, None], look.columns)[:, 0]
+            for coefficients in directions.T
+            if (moved := white.spread_over_spots(body.base, coefficients)).any()
+        ]
         wander = np.linalg.cholesky(look.make_covariance(body.loose))
-        total = np.zeros(len(look.item.markers))
-        for coefficients in drawn.T:
-            moved = white.spread_over_spots(body.base, coefficients)
-            stray = np.matmul(moved[:, None], look.columns)[:, 0]
-            total += _measure_strays(look, stray + stream.normal(size=stray.shape) @ wander.T) / _DRAWS
+        strays += [np.broadcast_to(stray, look.gap.shape) for stray in wander.T]
         explained = white.spread_over_spots(body.base, body.estimate(k))
-        rest = _measure_strays(look, look.gap - np.matmul(explained[:, None], look.columns)[:, 0])
+        rest = look.gap - np.matmul(explained[:, None], look.columns)[:, 0]
         ordinary, left = (
-            dict(zip(look.item.markers, np.sqrt(x).tolist(), strict=True)) for x in (total, rest)
+            dict(zip(look.item.markers, np.sqrt(_measure_strays(look, x)).tolist(), strict=True))
+            for x in (np.stack(strays, axis=2), rest[:, :, None])
         )
         found[look.item.name] = Expected(ordinary, left)
     return found
@@ -84,11 +84,12 @@ def expect_forces(fit: Fit, table: WrenchTable, none: ForceEvidence) -> dict[str
     }
 
 
-def _measure_strays(look: Look, stray: Array) -> Array:
-    """Mean squared distance of every marker, (m,), m2, from strays (n, 3 m) that the pose follows."""
+def _measure_strays(look: Look, strays: Array) -> Array:
+    """Mean squared distance of every marker, (m,), m2, of all strays (n, 3 m, k) that the pose follows."""
     shown = np.repeat(look.seen, 3, axis=1)
-    free = without_span(np.where(shown, stray, 0.0), span(look.pose * shown[:, None]))
-    square = np.square(free).reshape(len(free), -1, 3).sum(axis=(0, 2))
+    basis, strays = span(look.pose * shown[:, None]), np.where(shown[:, :, None], strays, 0.0)
+    free = strays - basis.transpose(0, 2, 1) @ (basis @ strays)
+    square = np.square(free).sum(axis=(0, 2)).reshape(-1, 3).sum(axis=1)
     return np.asarray(square / np.maximum(look.seen.sum(axis=0), 1))
 
 

@@ -24,6 +24,26 @@ export interface Lines {
   unit: string;
 }
 
+/** Chosen: beyond rounding of what is sent. */
+const AT_STOP = 1e-3;
+
+/** The ends of a range that curves stand at, as levels, and the stretches of x in which one does. */
+export function stops(x: ArrayLike<number>, curves: readonly Curve[], range: readonly [number, number] | null | undefined): Pick<Lines, "marked" | "levels"> {
+  const at = (end: number) => (k: number): boolean => curves.some(({ y }) => Math.abs((y[k] ?? NaN) - end) < AT_STOP);
+  const frames = Array.from({ length: x.length }, (_, k) => k);
+  const reached = (range ?? []).filter((end) => frames.some(at(end)));
+  const marked: [number, number][] = [];
+  let from = -1;
+  for (let k = 0; k <= x.length; k += 1) {
+    if (k < x.length && reached.some((end) => at(end)(k))) from = from < 0 ? k : from;
+    else if (from >= 0) {
+      marked.push([x[from] ?? NaN, x[k - 1] ?? NaN]);
+      from = -1;
+    }
+  }
+  return { marked, levels: reached.map((y) => ({ y, name: "stop" })) };
+}
+
 export function drawLines(ink: Ink, { x: every, curves: whole, xAxis, yAxis, marked = [], levels = [], unit }: Lines): Drawing {
   const kept = outstanding(whole, every.length);
   const some = (values: ArrayLike<number>): Float64Array => Float64Array.from(kept, (k) => values[k] ?? NaN);

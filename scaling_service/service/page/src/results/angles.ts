@@ -1,9 +1,9 @@
 /** Joint angles of all methods: over the gait cycle with their spread and where they differ, or over time. */
 
 import { vocabulary } from "../api/vocabulary.ts";
-import type { ClinicalDocument, ComparisonDocument, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
+import type { ClinicalDocument, ComparisonDocument, CoordinateEntry, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { drawLines, type Curve } from "../charts/lines.ts";
+import { drawLines, stops, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
 import { Frames } from "../scene/frames.ts";
 import { pathIn, sceneOf } from "../scene/scene.ts";
@@ -12,7 +12,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
-import { chance, plural, withChance, words } from "../ui/words.ts";
+import { chance, number, plural, withChance, words } from "../ui/words.ts";
 import { clinical } from "./clinical.ts";
 import type { Finished } from "./result.ts";
 
@@ -126,6 +126,9 @@ function pairTable(gait: GaitScene): HTMLElement {
   });
 }
 
+/** The same in words. */
+const atStop = ({ levels = [] }: ReturnType<typeof stops>): string => levels.map(({ y }) => ` Stands at its stop, ${number(y)}, at times.`).join("");
+
 async function overTime(
   scene: SceneDocument,
   name: string,
@@ -142,7 +145,7 @@ async function overTime(
 
 interface Values {
   method: string;
-  coordinates: { name: string; unit: string }[];
+  coordinates: CoordinateEntry[];
   values: Float32Array;
   step: number;
 }
@@ -156,7 +159,7 @@ async function valuesOf(trial: SceneTrial, method: string, job: string, signal: 
 
 function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Values[], signal: AbortSignal): HTMLElement {
   const known = styles(found.map(({ method }) => method));
-  const unit = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate)?.unit ?? "";
+  const { unit = "", range } = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate) ?? {};
   const step = found[0]?.step ?? 1;
   const curves = found.flatMap(({ method, coordinates, values }): Curve[] => {
     const column = coordinates.findIndex(({ name }) => name === coordinate);
@@ -166,13 +169,14 @@ function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Value
     return [{ name: method, style, y }];
   });
   const x = Float64Array.from({ length: curves[0]?.y.length ?? 0 }, (_, k) => trial.start_s + (k * step) / trial.rate_hz);
+  const ends = stops(x, curves, range);
   return figure({
     title: words(coordinate),
     name: `${trial.name}_${coordinate}_${unit}`,
-    alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.`,
+    alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.${atStop(ends)}`,
     zoom: true,
     height: HEIGHT,
-    drawing: (ink) => drawLines(ink, { x, curves, unit, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
+    drawing: (ink) => drawLines(ink, { x, curves, unit, ...ends, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => `${one.name}_${unit}`)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],
   }, signal).element;
 }

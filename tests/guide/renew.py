@@ -173,7 +173,13 @@ def measure_image() -> dict[str, Any]:
         ]
         for name, entry in methods.items()
     ]
-    columns = ["method", "held-out error, mm", "distance between the hips, mm", "femur, right, mm", "shank, right, mm"]
+    columns = [
+        "method",
+        "held-out error, mm",
+        "distance between the hips, mm",
+        "femur, right, mm",
+        "shank, right, mm",
+    ]
     return {"table": {"columns": columns, "rows": rows}, "verdict": found["verdict"]["headline"]}
 
 

@@ -24,6 +24,14 @@ export interface Lines {
   unit: string;
 }
 
+/** A range for what is level but for rounding, which would fill the axis; nothing for others. */
+function opened(curves: readonly Curve[]): { range?: [number, number] } {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { y } of curves) for (const value of Array.from(y)) if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  const room = Math.max(Math.abs(low), 1) / 10;
+  return high - low < AT_STOP ? { range: [low - room, high + room] } : {};
+}
+
 /** Chosen: beyond rounding of what is sent. */
 const AT_STOP = 1e-3;
 
@@ -54,7 +62,7 @@ export function drawLines(ink: Ink, { x: every, curves: whole, xAxis, yAxis, mar
     layout: {
       ...base(ink),
       xaxis: { range: [x[0] ?? 0, x[x.length - 1] ?? 1], ...valueAxis(ink, xAxis, "x"), unifiedhovertitle: { text: `${plain(xAxis.name)}: %{x:.6~r}` } },
-      yaxis: valueAxis(ink, yAxis, "y"),
+      yaxis: valueAxis(ink, { ...opened(curves), ...yAxis }, "y"),
       hovermode: "x unified",
       shapes: [...marked.map((span) => area(ink, span)), ...levels.map(({ y }) => level(ink, y))],
       annotations: levels.filter(({ name }) => name !== "").map(({ y, name }) => (

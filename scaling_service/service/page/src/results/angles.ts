@@ -2,7 +2,7 @@
 
 import { vocabulary } from "../api/vocabulary.ts";
 import type { ClinicalDocument, ComparisonDocument, CoordinateEntry, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
-import { figure } from "../charts/figure.ts";
+import { figure, Joined } from "../charts/figure.ts";
 import { drawLines, stops, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
 import { Frames } from "../scene/frames.ts";
@@ -68,6 +68,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
   const known = styles(methods);
   const x = Array.from({ length: 101 }, (_, k) => k);
   const all = Object.entries(gait.angles);
+  const joined = new Joined();
   const figures = all.map(([name, cycle]) => {
     const curves = methods.flatMap((method): Curve[] => {
       const style = known.get(method);
@@ -79,6 +80,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
       name: `cycle_${name}_deg`,
       alt: `${words(name)} over the gait cycle, mean and standard deviation of ${cycle.cycles} cycles by ${methods.join(", ")}. ${whereInWords(cycle)}`,
       zoom: true,
+      joined,
       height: HEIGHT,
       drawing: (ink) => drawLines(ink, { x, curves, unit: "deg", marked: cycle.differ_percent,
         xAxis: { name: "gait cycle, %", range: [0, 100] }, yAxis: { name: "deg" } }),
@@ -140,7 +142,8 @@ async function overTime(
   if (trial === undefined) return h("p", null, `There is no recording ${name}.`);
   const found = await Promise.all(methods.filter((method) => method in trial.motions).map((method) => valuesOf(trial, method, job, signal)));
   const coordinates = [...new Set(found.flatMap(({ coordinates: all }) => all.map((one) => one.name)))];
-  return h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, signal)));
+  const joined = new Joined();
+  return h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, joined, signal)));
 }
 
 interface Values {
@@ -157,7 +160,7 @@ async function valuesOf(trial: SceneTrial, method: string, job: string, signal: 
   return { method, coordinates: motion.coordinates, ...whole };
 }
 
-function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Values[], signal: AbortSignal): HTMLElement {
+function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Values[], joined: Joined, signal: AbortSignal): HTMLElement {
   const known = styles(found.map(({ method }) => method));
   const { unit = "", range } = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate) ?? {};
   const step = found[0]?.step ?? 1;
@@ -175,6 +178,7 @@ function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Value
     name: `${trial.name}_${coordinate}_${unit}`,
     alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.${atStop(ends)}`,
     zoom: true,
+    joined,
     height: HEIGHT,
     drawing: (ink) => drawLines(ink, { x, curves, unit, ...ends, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => `${one.name}_${unit}`)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],

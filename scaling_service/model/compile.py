@@ -330,6 +330,17 @@ def list_coordinate_bounds(model: body.BodyModel) -> tuple[Array, Array]:
     return np.array(lower), np.array(upper)
 
 
+def list_kept_ranges(model: body.BodyModel) -> dict[str, tuple[float, float]]:
+    """Coordinates that the model keeps within a range, to its two ends, degrees or m."""
+    lower, upper = (ends.tolist() for ends in list_coordinate_bounds(model))
+    units = [180.0 / np.pi if c.kind == "rotation" else 1.0 for c in model.coordinates]
+    return {
+        c.name: (unit * low, unit * high)
+        for c, unit, low, high in zip(model.coordinates, units, lower, upper, strict=True)
+        if not c.locked and np.isfinite((low, high)).all()
+    }
+
+
 def list_coordinate_ranges(model: body.BodyModel) -> tuple[Array, Array]:
     """The ranges that the model declares, clamped or not, each (n_coordinates,).
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.result import make_trial_document
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.motion.saving import tabulate_poses
+from scaling_service.capabilities.motion.stops import describe_stops
 from scaling_service.files.osim.models import write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.results import Motion
@@ -71,6 +72,12 @@ def test_locked_coordinates_are_certain_and_those_at_the_end_of_their_range_are_
     assert np.isnan(tracked.uncertainty.sd[30:, 0]).all()
     assert np.isfinite(tracked.uncertainty.sd[:30, 0]).all()
     assert make_trial_document(tracked, _box(locked=True)).frames_at_range_end == {"tx": 30}
+    assert describe_stops(_box(locked=True), {"squat": tracked.motion}) == [
+        "squat: tx stands at its stop, 0.600 m, for 50% of the recording: there the model's range decides, "
+        "not the markers"
+    ]
+    brief = replace(tracked.motion, q=tracked.motion.q[:32])  # 2 of 32 frames
+    assert describe_stops(_box(locked=True), {"squat": brief}) == []
 
 
 def _box(*, locked: bool) -> BodyModel:

@@ -131,3 +131,9 @@ def test_a_trial_without_any_marker_is_no_evidence() -> None:
 def test_no_method_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
         judge(Evidence(()))
+
+
+def test_a_joint_at_its_stop_is_named_first() -> None:
+    stop = "walk: right forearm rotation stands at its stop, 120 deg, for 43% of the recording"
+    found = judge(Evidence((MethodEvidence(method="MAP", stops=(stop,)),)))
+    assert found.why[0] == f"{stop}."

@@ -61,3 +61,21 @@ def test_a_scale_set_up_tells_height_and_mass(shared_data: Path, tmp_path: Path)
     assert found.sizes is not None
     assert found.sizes.source == ["subject01_Setup_Scale.xml"]
     assert all(entry.ready for entry in found.readiness)
+
+
+def test_a_walker_whose_forearms_show_no_marker_is_ready(shared_data: Path, tmp_path: Path) -> None:
+    """His legs are fine: the forearms alone are told apart, and nothing waits for them."""
+    found = proof(shared_data, "rajagopal_walk", tmp_path)
+    assert [entry.analysis for entry in found.readiness if entry.ready] == [
+        "comparisons",
+        "discoveries",
+        "dynamics",
+        "consistent-motions",
+    ]
+    assert found.headline.startswith("Everything can run")
+    for entry in found.readiness:
+        segments = next(need for need in entry.needs if need.name == "segments")
+        assert not segments.there
+        assert segments.text.startswith(
+            "no marker shows radius_r, radius_l in the movements: how they turn is not told, all else is"
+        )

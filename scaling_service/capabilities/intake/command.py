@@ -109,7 +109,9 @@ def _show(found: ProofDocument) -> None:
         )
     for entry in found.readiness:
         lacks = [f"{need.name}: {need.text}" for need in entry.needs if need.required and not need.there]
-        console.print(escape(f"{entry.title}: {'ready' if entry.ready else '; '.join(lacks)}"))
+        apart = [n.text for n in entry.needs if n.name == "segments" and not n.there]
+        state = f"ready{''.join(f'; {text}' for text in apart)}" if entry.ready else "; ".join(lacks)
+        console.print(escape(f"{entry.title}: {state}"))
     console.print(f"{escape(found.headline)}.")
 
 

@@ -118,8 +118,8 @@ def _check_segments(
 ) -> abc.Iterator[documents.Need]:
     """What a movement does not show of the model; nothing where every segment is shown.
 
-    ``extra``: further marker to its segment. Its place is found while scaling; here it counts as showing
-    that.
+    Nothing waits for it: what is not shown is not told in the results, and all else is. ``extra``: further
+    marker to its segment. Its place is found while scaling; here it counts as showing that.
     """
     if not moving:
         return
@@ -127,9 +127,9 @@ def _check_segments(
     hidden = [name for name in list_hidden_segments(model, seen) if name not in extra.values()]
     lacking = {m.marker: m.segment for m in markers if m.segment in hidden and m.marker not in seen}
     if shown := [name for name in hidden if name in lacking.values()]:
-        text = f"no marker shows {list_few(shown)} in the movements: {list_few(list(lacking))} would"
-        text += "; name markers that move with them under `extra_markers:`, or choose a smaller model"
-        yield documents.Need(name="segments", there=False, text=text, give="model")
+        text = f"no marker shows {list_few(shown)} in the movements: how they turn is not told, all else is"
+        text += f"; {list_few(list(lacking))} would show it, or markers under `extra_markers:`"
+        yield documents.Need(name="segments", there=False, required=False, text=text, give="model")
     if bare := [name for name in hidden if name not in shown]:
         text = f"the model has no marker on {list_few(bare)}: how they turn is not told"
         yield documents.Need(name="segments", there=False, required=False, text=text, give="model")

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from scaling_service.capabilities.motion import clinical_angles, unshown
+from scaling_service.capabilities.motion import clinical_angles, stops, unshown
 from scaling_service.capabilities.motion import kinematic_error as kinematic_errors
 from scaling_service.capabilities.motion import uncertainty as uncertainties
 from scaling_service.capabilities.motion.options import MotionOptions
@@ -21,6 +21,7 @@ from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.base import Part
 from scaling_service.documents.results import Provenance
 from scaling_service.model import body
+from scaling_service.model import compile as compiling
 from scaling_service.model.results import Motion
 from scaling_service.recording.settings import ProcessingSettings
 
@@ -81,6 +82,9 @@ class MotionDocument(Provenance):
     locked: list[str] = Field(description="Coordinates that the model locks; their standard deviation is 0.")
     units: dict[str, Literal["deg", "m"]] = Field(
         default={}, description="Coordinate to the unit of its column in `_ik.mot` and `_ik_sd.mot`."
+    )
+    ranges: dict[str, tuple[float, float]] = Field(
+        default={}, description="Coordinates that the model keeps within a range to its ends, in their unit."
     )
     axes: str = Field(description="Which laboratory axes were taken for up and forward.")
     trials: dict[str, TrackedTrialDocument]
@@ -168,9 +172,13 @@ class Tracked:
             model=Path(session.subject.model).name,
             axes=loaded.axes,
             units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
+            ranges=compiling.list_kept_ranges(session.model),
             locked=[c.name for c in session.model.coordinates if c.locked],
             trials={name: make_trial_document(trial, session.model) for name, trial in self.trials.items()},
-            warnings=list(session.warnings),
+            warnings=[
+                *session.warnings,
+                *stops.describe_stops(session.model, {n: t.motion for n, t in self.trials.items()}),
+            ],
             files=list(files),
             wall_s=round(self.wall_s, 3),
         )

@@ -59,6 +59,9 @@ class CoordinateEntry(base.Part):
     name: str
     unit: Literal["deg", "m"]
     estimated: bool = Field(description="Whether the recording determines it; else it stands at its default.")
+    range: tuple[float, float] | None = Field(
+        default=None, description="Ends of the range in which the model keeps it; null of one that is free."
+    )
 
 
 class MotionEntry(base.Part):

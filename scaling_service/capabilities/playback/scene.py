@@ -15,6 +15,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.documents.writing import write_json
 from scaling_service.files import table_files
+from scaling_service.model import compile as compiling
 from scaling_service.model import poses
 from scaling_service.model import trial as trials
 from scaling_service.model.anatomy.lengths import find_joint_centres
@@ -176,12 +177,16 @@ def _make_motion(
     # where frames are left out, the largest error of a stretch stands for it: no moment is missed
     largest = np.fmax.reduceat(errors, np.arange(0, len(errors), step), axis=0)
     turns = np.array([c.kind == "rotation" for c in model.coordinates])
+    ranges = compiling.list_kept_ranges(model)
     return playing.MotionEntry(
         poses=files.write(f"{stem}.poses", poses.pose_segments(model, q), "m, quaternion x y z w"),
         errors=files.write(f"{stem}.errors", largest, "mm", first_look="largest"),
         coordinates=[
             playing.CoordinateEntry(
-                name=c.name, unit="deg" if c.kind == "rotation" else "m", estimated=c.name in played.estimated
+                name=c.name,
+                unit="deg" if c.kind == "rotation" else "m",
+                estimated=c.name in played.estimated,
+                range=ranges.get(c.name),
             )
             for c in model.coordinates
         ],

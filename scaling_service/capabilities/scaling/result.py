@@ -13,6 +13,7 @@ import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.result import TrackedTrial
+from scaling_service.capabilities.motion.stops import describe_stops
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.scaling import clinical_gait
 from scaling_service.capabilities.scaling.comparison import evidence
@@ -269,4 +270,5 @@ def _gather_method_evidence(
         by_people=()
         if posterior is None
         else tuple(p.name for p in parameters if p.group in ("length", "centre") and not p.identifiable),
+        stops=tuple(describe_stops(calibration.model, scaling.motions)),
     )

@@ -15,6 +15,7 @@ import numpy as np
 from scaling_service.capabilities.motion import run as runs
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.stops import describe_stops
 from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.departures import state_departures
@@ -195,8 +196,12 @@ def run(
         {method: scaling.geometry.lengths for method, scaling in scalings.items()},
         session.subject.height_m,
     )
+    advised = results.scalings[results.verdict.method]
+    stops = describe_stops(advised.calibration.model, advised.motions)
     return replace(
-        results, warnings=(*session.warnings, *warnings, *doubtful), wall_s=time.perf_counter() - clock
+        results,
+        warnings=(*session.warnings, *warnings, *doubtful, *stops),
+        wall_s=time.perf_counter() - clock,
     )
 
 

@@ -53,6 +53,7 @@ class MethodEvidence:
     ``length_sds``, ``centre_sds``: ``femur_r`` …, ``hip_r`` … to standard deviations, m, where they are
         known; a centre's in space.
     ``angle_sds``: joint angle to its standard deviation, rad, over the trials judged on.
+    ``stops``: joints that stand at the end of their range for long, a sentence each.
     ``by_people``: sizes, centres and axes of which people in general say more than images and recordings.
     """
 
@@ -67,6 +68,7 @@ class MethodEvidence:
     centre_sds: abc.Mapping[str, float] = field(default_factory=dict)
     angle_sds: abc.Mapping[str, float] = field(default_factory=dict)
     by_people: tuple[str, ...] = ()
+    stops: tuple[str, ...] = ()
 
     @property
     def judged_on(self) -> Following | None:

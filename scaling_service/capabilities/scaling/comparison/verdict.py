@@ -83,7 +83,7 @@ def judge(evidence: Evidence) -> Verdict:
     if odd:
         doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
     strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
-    why: list[str] = []
+    why = [f"{stop}." for stop in chosen.stops]
     if chosen.method == ANSWER:
         images = "images, " if evidence.imaged else ""
         why.append(

@@ -294,6 +294,7 @@ export interface CoordinateEntry {
   name: string;
   unit: "deg" | "m";
   estimated: boolean;
+  range: [number, number] | null;
 }
 
 export interface CoordinateSummary {
@@ -972,6 +973,7 @@ export interface MotionDocument {
   model: string;
   locked: Array<string>;
   units: Record<string, "deg" | "m">;
+  ranges: Record<string, [number, number]>;
   axes: string;
   trials: Record<string, TrackedTrialDocument>;
   warnings: Array<string>;

@@ -12,6 +12,12 @@ export async function draw(place: HTMLElement, { data, layout }: Drawing): Promi
 
 export const resize = (place: HTMLElement): void => void plotly.Plots.resize(place);
 
+/** Show what stands at a value of x as a pointer there would, null to show nothing; nobody is told of it. */
+export function point(place: HTMLElement, x: number | null): void {
+  if (x === null) plotly.Fx.unhover(place);
+  else plotly.Fx.hover(place, { xval: x }, "xy", true);
+}
+
 export const purge = (place: HTMLElement): void => plotly.purge(place);
 
 /** The text of an SVG document. */

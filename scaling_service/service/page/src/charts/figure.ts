@@ -13,11 +13,30 @@ type Engine = typeof import("./engine.ts");
 
 /** A place once it was drawn into. */
 interface PlotElement {
-  on: ((event: "plotly_click" | "plotly_hover", listener: (clicked: Clicked) => void) => void) &
+  on: ((event: "plotly_unhover", listener: () => void) => void) & ((event: "plotly_click" | "plotly_hover", listener: (clicked: Clicked) => void) => void) &
     ((event: "plotly_relayout", listener: (changed: Record<string, unknown>) => void) => void);
 }
 
 export type Row = (string | number | null | undefined)[];
+
+/** Figures over the same x: what one is pointed at, those that are seen show, too. */
+export class Joined {
+  private readonly all = new Map<HTMLElement, Engine>();
+
+  join(plot: HTMLElement, engine: Engine): void {
+    this.all.set(plot, engine);
+    const drawn = plot as unknown as PlotElement;
+    drawn.on("plotly_hover", ({ xvals }) => this.point(plot, xvals?.[0] ?? null));
+    drawn.on("plotly_unhover", () => this.point(plot, null));
+  }
+
+  private point(from: HTMLElement, x: number | null): void {
+    for (const [plot, engine] of this.all) {
+      const { top, bottom } = plot.getBoundingClientRect();
+      if (plot !== from && plot.isConnected && bottom > 0 && top < innerHeight) engine.point(plot, x);
+    }
+  }
+}
 
 export interface FigureOptions {
   title: string;
@@ -35,6 +54,8 @@ export interface FigureOptions {
   clicked?: (row: number, column: number) => void;
   /** What pointing at such a place does. */
   pointed?: (row: number, column: number) => void;
+  /** With which others it is pointed at. */
+  joined?: Joined;
 }
 
 export interface Drawn {
@@ -84,6 +105,7 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
     if (options.zoom === true) (plot as unknown as PlotElement).on("plotly_relayout", (changed) => large && keep(changed));
     listen(plot, "plotly_click", options.clicked);
     listen(plot, "plotly_hover", options.pointed);
+    options.joined?.join(plot, found);
     onTheme(redraw, signal);
     const resizing = new ResizeObserver(() => found.resize(plot));
     resizing.observe(plot);

@@ -24,6 +24,34 @@ export interface Lines {
   unit: string;
 }
 
+/** A range for what is level but for rounding, which would fill the axis; nothing for others. */
+function opened(curves: readonly Curve[]): { range?: [number, number] } {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { y } of curves) for (const value of Array.from(y)) if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  const room = Math.max(Math.abs(low), 1) / 10;
+  return high - low < AT_STOP ? { range: [low - room, high + room] } : {};
+}
+
+/** Chosen: beyond rounding of what is sent. */
+const AT_STOP = 1e-3;
+
+/** The ends of a range that curves stand at, as levels, and the stretches of x in which one does. */
+export function stops(x: ArrayLike<number>, curves: readonly Curve[], range: readonly [number, number] | null | undefined): Pick<Lines, "marked" | "levels"> {
+  const at = (end: number) => (k: number): boolean => curves.some(({ y }) => Math.abs((y[k] ?? NaN) - end) < AT_STOP);
+  const frames = Array.from({ length: x.length }, (_, k) => k);
+  const reached = (range ?? []).filter((end) => frames.some(at(end)));
+  const marked: [number, number][] = [];
+  let from = -1;
+  for (let k = 0; k <= x.length; k += 1) {
+    if (k < x.length && reached.some((end) => at(end)(k))) from = from < 0 ? k : from;
+    else if (from >= 0) {
+      marked.push([x[from] ?? NaN, x[k - 1] ?? NaN]);
+      from = -1;
+    }
+  }
+  return { marked, levels: reached.map((y) => ({ y, name: "stop" })) };
+}
+
 export function drawLines(ink: Ink, { x: every, curves: whole, xAxis, yAxis, marked = [], levels = [], unit }: Lines): Drawing {
   const kept = outstanding(whole, every.length);
   const some = (values: ArrayLike<number>): Float64Array => Float64Array.from(kept, (k) => values[k] ?? NaN);
@@ -34,7 +62,7 @@ export function drawLines(ink: Ink, { x: every, curves: whole, xAxis, yAxis, mar
     layout: {
       ...base(ink),
       xaxis: { range: [x[0] ?? 0, x[x.length - 1] ?? 1], ...valueAxis(ink, xAxis, "x"), unifiedhovertitle: { text: `${plain(xAxis.name)}: %{x:.6~r}` } },
-      yaxis: valueAxis(ink, yAxis, "y"),
+      yaxis: valueAxis(ink, { ...opened(curves), ...yAxis }, "y"),
       hovermode: "x unified",
       shapes: [...marked.map((span) => area(ink, span)), ...levels.map(({ y }) => level(ink, y))],
       annotations: levels.filter(({ name }) => name !== "").map(({ y, name }) => (

@@ -1,9 +1,9 @@
 /** Joint angles of all methods: over the gait cycle with their spread and where they differ, or over time. */
 
 import { vocabulary } from "../api/vocabulary.ts";
-import type { ClinicalDocument, ComparisonDocument, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
-import { figure } from "../charts/figure.ts";
-import { drawLines, type Curve } from "../charts/lines.ts";
+import type { ClinicalDocument, ComparisonDocument, CoordinateEntry, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
+import { figure, Joined } from "../charts/figure.ts";
+import { drawLines, stops, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
 import { Frames } from "../scene/frames.ts";
 import { pathIn, sceneOf } from "../scene/scene.ts";
@@ -12,7 +12,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
-import { chance, plural, withChance, words } from "../ui/words.ts";
+import { chance, number, plural, withChance, words } from "../ui/words.ts";
 import { clinical } from "./clinical.ts";
 import type { Finished } from "./result.ts";
 
@@ -68,6 +68,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
   const known = styles(methods);
   const x = Array.from({ length: 101 }, (_, k) => k);
   const all = Object.entries(gait.angles);
+  const joined = new Joined();
   const figures = all.map(([name, cycle]) => {
     const curves = methods.flatMap((method): Curve[] => {
       const style = known.get(method);
@@ -79,6 +80,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
       name: `cycle_${name}_deg`,
       alt: `${words(name)} over the gait cycle, mean and standard deviation of ${cycle.cycles} cycles by ${methods.join(", ")}. ${whereInWords(cycle)}`,
       zoom: true,
+      joined,
       height: HEIGHT,
       drawing: (ink) => drawLines(ink, { x, curves, unit: "deg", marked: cycle.differ_percent,
         xAxis: { name: "gait cycle, %", range: [0, 100] }, yAxis: { name: "deg" } }),
@@ -126,6 +128,9 @@ function pairTable(gait: GaitScene): HTMLElement {
   });
 }
 
+/** The same in words. */
+const atStop = ({ levels = [] }: ReturnType<typeof stops>): string => levels.map(({ y }) => ` Stands at its stop, ${number(y)}, at times.`).join("");
+
 async function overTime(
   scene: SceneDocument,
   name: string,
@@ -137,12 +142,13 @@ async function overTime(
   if (trial === undefined) return h("p", null, `There is no recording ${name}.`);
   const found = await Promise.all(methods.filter((method) => method in trial.motions).map((method) => valuesOf(trial, method, job, signal)));
   const coordinates = [...new Set(found.flatMap(({ coordinates: all }) => all.map((one) => one.name)))];
-  return h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, signal)));
+  const joined = new Joined();
+  return h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, joined, signal)));
 }
 
 interface Values {
   method: string;
-  coordinates: { name: string; unit: string }[];
+  coordinates: CoordinateEntry[];
   values: Float32Array;
   step: number;
 }
@@ -154,9 +160,9 @@ async function valuesOf(trial: SceneTrial, method: string, job: string, signal: 
   return { method, coordinates: motion.coordinates, ...whole };
 }
 
-function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Values[], signal: AbortSignal): HTMLElement {
+function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Values[], joined: Joined, signal: AbortSignal): HTMLElement {
   const known = styles(found.map(({ method }) => method));
-  const unit = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate)?.unit ?? "";
+  const { unit = "", range } = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate) ?? {};
   const step = found[0]?.step ?? 1;
   const curves = found.flatMap(({ method, coordinates, values }): Curve[] => {
     const column = coordinates.findIndex(({ name }) => name === coordinate);
@@ -166,13 +172,15 @@ function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Value
     return [{ name: method, style, y }];
   });
   const x = Float64Array.from({ length: curves[0]?.y.length ?? 0 }, (_, k) => trial.start_s + (k * step) / trial.rate_hz);
+  const ends = stops(x, curves, range);
   return figure({
     title: words(coordinate),
     name: `${trial.name}_${coordinate}_${unit}`,
-    alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.`,
+    alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.${atStop(ends)}`,
     zoom: true,
+    joined,
     height: HEIGHT,
-    drawing: (ink) => drawLines(ink, { x, curves, unit, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
+    drawing: (ink) => drawLines(ink, { x, curves, unit, ...ends, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => `${one.name}_${unit}`)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],
   }, signal).element;
 }

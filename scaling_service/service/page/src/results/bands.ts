@@ -3,8 +3,8 @@
 import { receive } from "../api/http.ts";
 import { filePath } from "../api/jobs.ts";
 import type { MotionDocument } from "../api/schema.ts";
-import { figure } from "../charts/figure.ts";
-import { drawLines } from "../charts/lines.ts";
+import { figure, Joined } from "../charts/figure.ts";
+import { drawLines, stops, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
@@ -24,6 +24,7 @@ interface Known {
   unit: string;
   y: number[];
   sd: number[];
+  range?: readonly [number, number] | undefined;
 }
 
 export async function bands(document: MotionDocument, { job, place: at, signal }: Finished, place: HTMLElement): Promise<void> {
@@ -35,18 +36,19 @@ export async function bands(document: MotionDocument, { job, place: at, signal }
   if (signal.aborted) return;
   place.append(
     h("div", { class: "bar" }, select("Over time", names.map((value) => ({ value, text: value })), trial, (over) => void (location.hash = link(at.parts, { over })))),
-    h("p", { class: "quiet" }, "Bands: where the true value lies in 95 of 100 frames, by the cameras' noise and by skin that moves over the bone. An error of the model's joints is not in them."),
+    h("p", { class: "quiet" }, "Bands: where the true value lies in 95 of 100 frames, by the cameras' noise and by skin that moves over the bone. An error of the model's joints is not in them. Dashed and grey: a joint stands at the end of the model's range, which decides there."),
   );
   const groups = [["Angles of the conventional gait model", conventional(clinical), clinical], ["Coordinates of the model", coordinates(document, motion, spread), motion]] as const;
+  const joined = new Joined();
   for (const [title, all, source] of groups) {
-    if (all.length > 0) place.append(h("h2", null, title), h("div", { class: "grid" }, ...all.map((one) => drawn(trial, source.get("time") ?? source.get("time_s") ?? [], one, signal))));
+    if (all.length > 0) place.append(h("h2", null, title), h("div", { class: "grid" }, ...all.map((one) => drawn(trial, source.get("time") ?? source.get("time_s") ?? [], one, joined, signal))));
   }
 }
 
-function coordinates({ units, locked }: MotionDocument, motion: Columns, spread: Columns): Known[] {
+function coordinates({ units, locked, ranges }: MotionDocument, motion: Columns, spread: Columns): Known[] {
   return Object.entries(units).flatMap(([name, unit]) => {
     const [y, sd] = [motion.get(name), spread.get(name)];
-    return y === undefined || sd === undefined || locked.includes(name) ? [] : [{ title: words(name), name, unit, y, sd }];
+    return y === undefined || sd === undefined || locked.includes(name) ? [] : [{ title: words(name), name, unit, y, sd, range: ranges?.[name] as [number, number] | undefined }];
   });
 }
 
@@ -58,15 +60,16 @@ function conventional(clinical: Columns): Known[] {
   });
 }
 
-function drawn(trial: string, x: number[], { title, name, unit, y, sd }: Known, signal: AbortSignal): HTMLElement {
-  const half = sd.map((one) => NORMAL_95 * one);
+function drawn(trial: string, x: number[], { title, name, unit, y, sd, range }: Known, joined: Joined, signal: AbortSignal): HTMLElement {
+  const curves: Curve[] = [{ name: title, style: styleOf("MB_am"), y, half: sd.map((one) => NORMAL_95 * one) }];
   return figure({
     title,
     name: `${trial}_${name}_${unit}`,
     alt: `${title} over time in ${trial}, ${unit}, with its 95 % band.`,
     zoom: true,
+    joined,
     height: HEIGHT,
-    drawing: (ink) => drawLines(ink, { x, unit, xAxis: { name: "time, s" }, yAxis: { name: unit }, curves: [{ name: title, style: styleOf("MB_am"), y, half }] }),
+    drawing: (ink) => drawLines(ink, { x, unit, xAxis: { name: "time, s" }, yAxis: { name: unit }, curves, ...stops(x, curves, range) }),
     rows: () => [["time_s", unit, `sd_${unit}`], ...x.map((time, k) => [time, y[k], sd[k]])],
   }, signal).element;
 }

@@ -1,9 +1,9 @@
 /** A model that a job made follows other recordings: those of its subject, or new ones. */
 
 import { getBlob } from "../api/http.ts";
-import { ask, filePath } from "../api/jobs.ts";
+import { ask, filePath, getResult } from "../api/jobs.ts";
 import { Problem } from "../api/problem.ts";
-import type { FileEntry } from "../api/schema.ts";
+import type { ComparisonDocument, FileEntry } from "../api/schema.ts";
 import { getSubject, upload } from "../api/subjects.ts";
 import { toJob } from "../routes.ts";
 import { select } from "../ui/choice.ts";
@@ -14,9 +14,11 @@ import type { Finished } from "./result.ts";
 const MODEL = /(^|\/|_)model\.json$/;
 
 /** Nothing where the job made no model, or is no single subject's. */
-export function reuse({ job, request: { subject } }: Finished, files: readonly FileEntry[]): HTMLElement | null {
+export async function reuse({ job, request: { subject }, signal }: Finished, files: readonly FileEntry[]): Promise<HTMLElement | null> {
   const models = files.map(({ name }) => name).filter((name) => MODEL.test(name));
-  let chosen = models[0];
+  const { verdict = null } = models.length > 1 ? await getResult<Partial<ComparisonDocument>>(job.id, signal) : {};
+  const advised = models.find((name) => name.startsWith(`${verdict?.method}/`));
+  let chosen = advised ?? models[0];
   if (chosen === undefined || typeof subject !== "string") return null;
   const id = newId("recordings");
   const picked: HTMLInputElement = h("input", { id, type: "file", multiple: true, accept: ".c3d,.trc,.sto" });
@@ -37,8 +39,9 @@ export function reuse({ job, request: { subject } }: Finished, files: readonly F
     { class: "card" },
     h("h2", null, "Use a model again"),
     h("p", { class: "quiet" }, "It follows other recordings of this person; without any chosen, all of the subject's movements."),
+    advised !== undefined && h("p", { class: "quiet" }, `${advised} stands first because the comparison says: “${verdict?.headline}”`),
     h("div", { class: "actions" },
-      models.length > 1 && select("model", models.map((name) => ({ value: name, text: name })), chosen, (name) => void (chosen = name)),
+      models.length > 1 && select("model", [chosen, ...models.filter((name) => name !== chosen)].map((name) => ({ value: name, text: name })), chosen, (name) => void (chosen = name)),
       h("span", { class: "field" }, h("label", { for: id }, "recordings"), picked),
       h("button", { onclick: start }, "Follow")),
     failed,

@@ -35,7 +35,7 @@ export async function takeAway(found: Finished, place: HTMLElement): Promise<voi
         : h("code", null, `GET ${location.origin}/v1/jobs/${job.id}`),
     ),
     report === undefined ? "" : sharing(filePath(job.id, report.name), failed),
-    ...[reuse(found, files)].filter((section) => section !== null),
+    ...[await reuse(found, files)].filter((section) => section !== null),
     ...commands(job.kind, request),
     table({
       caption: "Files",

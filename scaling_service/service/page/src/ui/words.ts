@@ -41,7 +41,7 @@ export const percent = (share: number | null | undefined): string =>
 /** Names of OpenSim's models and of the service that are no words, as `scaling_service/report/words.py` has them. */
 const SHORT: Record<string, string> = {
   calcn: "heel bone", mtp_angle: "toe angle", arm_flex: "arm flexion", arm_add: "arm adduction", arm_rot: "arm rotation",
-  elbow_flex: "elbow flexion", pro_sup: "forearm rotation", inter_hip: "between the hips",
+  elbow_flex: "elbow flexion", pro_sup: "forearm rotation", inter_hip: "distance between the hips",
 };
 
 /** A coordinate's, joint's or segment's name for people: `hip_flexion_r` is "hip flexion, right". */

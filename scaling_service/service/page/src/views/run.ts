@@ -87,7 +87,7 @@ function comparing(subject: SubjectDetail, methods: MethodWord[], chosen: Chosen
   const start = (): void =>
     void guarded(failed, async () => {
       const wanted = methods.map((method) => method.name).filter((name) => picked.has(name));
-      begin(await ask("comparisons", { subject: subject.id, methods: wanted, muscles, settings: chosen.settings() }), true);
+      begin(await ask("comparisons", { subject: subject.id, methods: wanted, muscles, settings: chosen.settings(), ...chosen.written(), ...chosen.exported() }), true);
     });
   return h(
     "section",
@@ -124,7 +124,7 @@ function others(subject: SubjectDetail, methods: MethodWord[], chosen: Chosen, b
     let from = "";
     const start = (): void =>
       void guarded(failed, async () => {
-        const request = { subject: subject.id, ...(from === "" ? {} : { start: from }), ...chosen.axes() };
+        const request = { subject: subject.id, ...(from === "" ? {} : { start: from }), ...chosen.axes(), ...chosen.written() };
         begin(await ask(route, request), false);
       });
     const starts = [{ value: "", text: "the best available scaling" }, { value: "none", text: "the model as it is" },

@@ -1,6 +1,6 @@
-/** How recordings are processed and models fitted: the few settings that laboratories change. */
+/** How recordings are processed and models fitted, and what is written: the few settings that laboratories change. */
 
-import { select } from "../ui/choice.ts";
+import { box, group, select, type Option } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
 
 const AXES = ["+x", "-x", "+y", "-y", "+z", "-z"].map((value) => ({ value, text: value }));
@@ -13,6 +13,8 @@ export class Chosen {
   private smoothing = "automatic";
   private strategy = "joint";
   private knee = "hinge";
+  private readonly tables = new Set<string>();
+  private readonly forms = new Set<string>();
 
   /** `query` may name axes that were chosen while the recordings were looked at. */
   constructor(query: URLSearchParams) {
@@ -31,6 +33,9 @@ export class Chosen {
         select("fitting", STRATEGIES, this.strategy, (value) => void (this.strategy = value)),
         select("knees", KNEES, this.knee, (value) => void (this.knee = value)),
       ),
+      group("Tables of the results", ...boxes(TABLES, this.tables)),
+      group("Further forms of scaled models", ...boxes(FORMS, this.forms)),
+      h("p", { class: "note" }, "Tables and models lie among the files to take away. Models are written in OpenSim's form in any case."),
       h("p", { class: "note" }, "All settings are described at ", h("a", { href: "/docs" }, "/docs"), "; the page uses their defaults."),
     );
   }
@@ -48,11 +53,34 @@ export class Chosen {
     return this.up === "" && this.forward === "" ? {} : { settings: { ...this.directions(), processing: { smoothing: "none" } } };
   }
 
+  /** Which tables are written beside any result. */
+  written(): Record<string, string[]> {
+    return this.tables.size === 0 ? {} : { tables: [...this.tables] };
+  }
+
+  /** Which forms of each model are written beside OpenSim's. */
+  exported(): Record<string, string[]> {
+    return this.forms.size === 0 ? {} : { export: [...this.forms] };
+  }
+
   private directions(): Record<string, string> {
     return { ...(this.up === "" ? {} : { up: this.up }), ...(this.forward === "" ? {} : { forward: this.forward }) };
   }
 }
 
+/** A box for each; what is ticked is kept. */
+const boxes = (options: readonly Option[], kept: Set<string>): HTMLElement[] =>
+  options.map(({ value, text }) => box(text, false, (checked) => void (checked ? kept.add(value) : kept.delete(value))));
+
+const TABLES = [
+  { value: "csv", text: "CSV, for spreadsheets" },
+  { value: "parquet", text: "Parquet, for Python and R" },
+  { value: "bids", text: "Motion-BIDS, for sharing motions" },
+];
+const FORMS = [
+  { value: "mjcf", text: "MuJoCo (MJCF)" },
+  { value: "biomod", text: "biorbd (bioMod)" },
+];
 const SMOOTHINGS = [
   { value: "automatic", text: "low pass of 10 Hz where the rate allows" },
   { value: "none", text: "none" },

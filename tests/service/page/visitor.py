@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ ARGUMENTS = [
     "--disable-sync",
 ]
 LONG_MS = 120_000
+SCHEMES, WIDTHS = ("dark", "light"), (390, 1440)
 
 _WATCH = """
 window.violations = [];
@@ -97,14 +99,22 @@ class Visitor:
         self.page.locator("input[type=file]").first.set_input_files([str(file) for file in files])
 
     def barriers(self, axe: str) -> list[str]:
-        """What axe finds in what is shown, be it only minor, once there is something shown."""
+        """What axe finds in what is shown, be it only minor: light and dark, on a phone and on a desk."""
         self.page.locator("h1").first.wait_for(timeout=LONG_MS)
         self.page.evaluate(axe)
-        found = self.page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
-        return [
-            f"{one['id']}: {json.dumps([node['html'][:200] for node in one['nodes'][:3]])}"
-            for one in found["violations"]
-        ]
+        size, told = self.page.viewport_size, list[str]()
+        for scheme, width in itertools.product(SCHEMES, WIDTHS):  # the last is what visits begin with
+            self.page.emulate_media(color_scheme=scheme)
+            self.page.set_viewport_size({"width": width, "height": size["height"]})
+            self.page.wait_for_timeout(300)  # until figures are drawn in other colours
+            found = self.page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
+            told += [
+                f"{scheme}, {width} px: {one['id']}: "
+                f"{json.dumps([node['html'][:200] for node in one['nodes'][:3]])}"
+                for one in found["violations"]
+            ]
+        self.page.set_viewport_size(size)
+        return told
 
     def met_no_defect(self) -> None:
         violations = self.page.evaluate("() => window.violations ?? []")

@@ -59,3 +59,8 @@ def to_linear(colour: str) -> Array:
 def to_lab(linear: Array) -> Array:
     x, y, z = np.cbrt(TO_XYZ @ np.clip(linear, 0.0, 1.0) / WHITE)
     return np.array([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
+
+
+def test_each_method_is_explained() -> None:
+    text = (WEB / "src" / "ui" / "glossary.ts").read_text(encoding="utf-8")
+    assert [name for name in list_method_names() if f'  {name}: "' not in text] == []

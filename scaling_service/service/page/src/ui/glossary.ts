@@ -8,10 +8,11 @@ export const METHODS: Record<string, string> = {
   MB_am: "marker-based, then knee axes (a) and all marker coordinates (m) fitted to movement",
   EB: "image-based (EOS, CT or MRI): segments and joint centres from the person's bones",
   EB_am: "image-based, then knee axes (a) and all marker coordinates (m) fitted to movement",
+  MAP: "hips, lengths, axes, markers, skin and motion in one estimate, with what is ordinary in people",
 };
 
 const TERMS: Record<string, string> = {
-  ...METHODS,
+  ...Object.fromEntries(Object.entries(METHODS).filter(([name]) => name !== "MAP")), // "map" is a word of notes, too
   "held-out": "recordings that no method was fitted to: the only ones that show how a model does on new data",
   "kinematic error": "the mean distance between each measured marker and the model's, over frames and markers",
   ordinary: "what is left between model and measurement of people as lively as this person: by skin, palpation, joints, masses and cameras",

@@ -165,7 +165,15 @@ def find_steps(forces: TrialForces, model: BodyModel) -> tuple[Step, ...]:
                 whole = (start > 0 and stop <= last) or (start == 0 and stop == last + 1)
                 clean = lone[frames].all() and not contacts.over_edge[frames, k].any()
                 if clean and plate not in shared and stop - start >= MIN_SAMPLES:
-                    found.append(Step(plate, segments, float(outward[k]), frames, whole))
+                    found.append(
+                        Step(
+                            plate=plate,
+                            segments=segments,
+                            outward=float(outward[k]),
+                            frames=frames,
+                            whole=whole,
+                        )
+                    )
     return tuple(found)
 
 

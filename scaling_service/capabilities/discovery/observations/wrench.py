@@ -45,7 +45,7 @@ def choose_band_hz(rate_hz: float) -> float:
     return min(BAND_HZ, 0.4 * rate_hz)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Step:
     """A foot alone on one plate."""
 

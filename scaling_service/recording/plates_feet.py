@@ -272,7 +272,8 @@ def measure_overhang(corners: Array, markers: Array) -> Array:
     infinity where no marker is near the floor.
     """
     height = markers[..., 1]
-    low = height < np.nanpercentile(height, 5, axis=0) + LIFTED_M  # False where it is not seen
+    usual = [np.percentile(h[np.isfinite(h)], 5) if np.isfinite(h).any() else np.nan for h in height.T]
+    low = height < np.array(usual) + LIFTED_M  # False where it is not seen
     beyond = np.full(height.shape, np.inf)
     for rim in corners[..., (0, 2)]:
         sides = rim[[0, 0]] - rim[[1, 3]]

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 
+from scaling_service.capabilities.discovery.effects.sizes import look_up_usual_sizes, settle_size
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import correct_forces
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
@@ -127,3 +129,21 @@ def test_forces_and_moments_are_judged_as_one_wrench(fit: Fit) -> None:
     assert share is not None
     assert share > 0.5
     assert gain(press(0.5, 0.0), press(0.0, 4.0)) is None
+
+
+@pytest.mark.parametrize(("beyond", "settles"), [(-1.0, True), (0.5, True), (1.5, True), (2.5, False)])
+def test_a_size_beyond_what_is_met_is_the_likeliest_that_is(beyond: float, settles: bool, fit: Fit) -> None:
+    """SciPy's truncated normal is the oracle; ``beyond``: deviations by which it lies above the range."""
+    column = Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain("plate_1"))
+    candidate = Candidate(kind="plate_gain", where=("plate_1",), columns=(column,))
+    usual, sd = look_up_usual_sizes(candidate, fit.model)("factor"), 0.01
+    assert usual is not None
+    size = np.array([usual.high + beyond * sd - 1.0])
+    found = settle_size(candidate, size, np.array([[sd**2]]), fit.model)
+    if not settles:
+        assert found is None
+        return
+    assert found is not None
+    ends = ((usual.low - 1.0 - size[0]) / sd, -beyond)
+    wanted = scipy.stats.truncnorm.mean(*ends, loc=size[0], scale=sd) if beyond > 0.0 else size[0]
+    assert found[0] == pytest.approx(wanted, abs=1e-9)

@@ -191,3 +191,5 @@ def test_a_foot_over_the_edge_of_its_plate_is_borne_by_the_floor_too() -> None:
     behind = np.stack([short, right, rim((0.7, 1.0), (-0.3, 0.0))])
     assert measure_overhang(behind, FEET["l"])[SECOND].max() < 0.0  # a second plate behind the first one
     assert not assign_plates(forces, FEET).over_edge.any()  # no file tells where its plates end
+    unseen = np.concatenate([FEET["l"], np.full((N, 1, 3), np.nan)], axis=1)
+    np.testing.assert_array_equal(measure_overhang(behind, unseen), measure_overhang(behind, FEET["l"]))

@@ -31,7 +31,7 @@ _LEAST_N = 1.0  # of a force along an axis (chosen: plates tell it to that)
 _STANDS_OUT = 2.0  # deviations of the force from which frames place the point (chosen)
 _FEWEST = 5  # frames from which a point can be placed
 _WEIGHED = 3  # of the likeliest segments, beside all else that is ordinary (chosen: the lead is among them)
-_LASTING_S = 0.2  # between the times of correlation of forces and of moments
+_LASTING_S = 0.2  # the longer of the times of correlation, that of moments
 
 
 def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, Candidate]]:

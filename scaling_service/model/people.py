@@ -17,6 +17,8 @@ from scipy.special import chdtri, fdtri
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, reference
 
+_TRUNK = "torso"
+
 
 @dataclass(frozen=True, slots=True)
 class SkinSize:
@@ -86,6 +88,7 @@ class People:
     skin_rows: tuple[tuple[tuple[str, ...], SkinSize], ...]
     skin_other: SkinSize
     skin_at_joints: Mapping[str, float]  # m
+    skin_on_trunk: Mapping[str, float]  # m
     image_hip: float  # m
     image_centre: float  # m
     image_axis_sd: float  # rad
@@ -112,6 +115,7 @@ class People:
             skin_rows=rows,
             skin_other=self.skin_other.times(level),
             skin_at_joints={name: level * size for name, size in self.skin_at_joints.items()},
+            skin_on_trunk={name: level * size for name, size in self.skin_on_trunk.items()},
         )
 
     def skin_covariance(
@@ -123,7 +127,9 @@ class People:
         the segment's frame, m. ``share``: of the sizes.
         """
         size = self.skin(segment)
-        at_joints = [self.skin_at_joints.get((name or "")[1:], 0.0) for name in landmarks]
+        known = {**self.skin_at_joints, **(self.skin_on_trunk if size == self.skin(_TRUNK) else {})}
+        plain = [name[name.startswith(("R", "L")) :] for name in (name or "" for name in landmarks)]
+        at_joints = [known.get(name, 0.0) for name in plain]
         besides = share * np.sqrt(np.maximum(np.square(at_joints) - size.single**2, 0.0))
         return size.times(share).covariance(places, np.where(at_joints, besides, 0.0))
 
@@ -161,7 +167,8 @@ def read_people() -> People:
         ),
         skin_rows=tuple((tuple(row["names"]), _read_skin(row)) for row in skin["segments"]),
         skin_other=_read_skin(skin["other"]),
-        skin_at_joints={name: round(1e-3 * size, 9) for name, size in skin["at_joints"]["single_mm"].items()},
+        skin_at_joints=_read_singles(skin["at_joints"]),
+        skin_on_trunk=_read_singles(skin["on_trunk"]),
         image_hip=1e-3 * float(image["hip_mm"]),
         image_centre=1e-3 * float(image["centre_mm"]),
         image_axis_sd=float(np.radians(image["axis_deg"])),
@@ -207,6 +214,10 @@ def _predict(row: Mapping[str, Any], axes: int) -> float:
 
 def _metres(millimetres: Any) -> body.Vector:
     return body.to_vector(round(1e-3 * float(value), 9) for value in millimetres)
+
+
+def _read_singles(table: Mapping[str, Any]) -> dict[str, float]:
+    return {name: round(1e-3 * size, 9) for name, size in table["single_mm"].items()}
 
 
 def _read_skin(row: Mapping[str, Any]) -> SkinSize:

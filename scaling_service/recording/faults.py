@@ -89,8 +89,8 @@ def repair_markers(trial: _AnyTrial) -> _AnyTrial:
 
 
 def repair_forces(forces: GroundForces) -> GroundForces:
-    """Forces as read without spikes; what cannot be repaired is noted."""
-    return note_saturation(note_dead_channels(remove_spikes(forces)))
+    """Forces as read without spikes and what stands at a limit; what cannot be repaired is noted."""
+    return leave_out_saturated(note_dead_channels(remove_spikes(forces)))
 
 
 def separate_merged(trial: _AnyTrial) -> _AnyTrial:
@@ -299,32 +299,30 @@ def note_dead_channels(forces: GroundForces) -> GroundForces:
     )
 
 
-def note_saturation(forces: GroundForces) -> GroundForces:
-    """Note where a plate's load comes to stand at a limit, an amplifier's or a converter's.
+def leave_out_saturated(forces: GroundForces) -> GroundForces:
+    """Mark samples as not known in which a plate's load stands at a limit, an amplifier's or a converter's.
 
     It does so again and again, or it stops there at once and only noise is left of it, which differs from
-    sample to sample as much as over the whole time: no foot's load does either. Nothing is corrected. One
-    Repair, ``saturated``, for each plate concerned (``where``: ``plate_1 fy``).
+    sample to sample as much as over the whole time: no foot's load does either. One Repair, ``saturated``,
+    for each plate concerned (``where``: ``plate_1 fy``).
     """
     pressing = np.where(forces.known, forces.pressing, 0.0)
     rate = len(forces.times) / np.ptp(forces.times) if len(forces.times) > 1 else 0.0
-    found = [(plate, _limit(load, rate)) for plate, load in zip(forces.plates, pressing.T, strict=True)]
-    return forces.change(
-        *(
-            Repair(
-                what="saturated",
-                where=f"{plate} fy",
-                detail=f"stands at {limit[0]:.0f} N, its limit",
-                frames=limit[1],
-            )
-            for plate, limit in found
-            if limit is not None
-        )
-    )
+    force, moment, repairs = forces.force.copy(), forces.moment.copy(), []
+    for k, load in enumerate(pressing.T):
+        found = _find_limit(load, rate)
+        if found is None:
+            continue
+        limit, at = found
+        force[at, k], moment[at, k] = np.nan, np.nan
+        detail = f"stands at {limit:.0f} N, its limit: what it bears there is not known"
+        where = f"{forces.plates[k]} fy"
+        repairs.append(Repair(what="saturated", where=where, detail=detail, frames=int(at.sum())))
+    return forces.change(*repairs, force=force, moment=moment) if repairs else forces
 
 
-def _limit(load: Array, rate_hz: float) -> tuple[float, int] | None:
-    """Where a plate's load (n,) stands when it is highest, N, and how many samples; None if it does not."""
+def _find_limit(load: Array, rate_hz: float) -> tuple[float, Mask] | None:
+    """Where a plate's load (n,) stands when it is highest, N, and when (n,); None if it does not."""
     high = load > _TOP * load.max()
     limit = float(np.median(load[high])) if high.any() else 0.0
     if limit < LOADED_N or load.max() > (1.0 + _BEYOND) * limit:
@@ -345,4 +343,10 @@ def _limit(load: Array, rate_hz: float) -> tuple[float, int] | None:
     beside += [load[min(stop - 1 + away, len(load) - 1)] for _, stop in spans]
     at_once = min(beside) < (1.0 - _CORNER) * limit
     noise = np.square(off).mean() <= np.square(steps).mean()
-    return (limit, int(at.sum())) if again or (at_once and noise) else None
+    if not again and not (at_once and noise):
+        return None
+    for start, stop in find_runs(high).tolist():  # noise parts what stands there
+        there = np.flatnonzero(at[start:stop])
+        if len(there) >= _SHORTEST:
+            at[start + there[0] : start + there[-1] + 1] = True
+    return limit, at

@@ -12,8 +12,8 @@ from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.faults import (
+    leave_out_saturated,
     note_dead_channels,
-    note_saturation,
     note_shaking,
     remove_jitter,
     remove_spikes,
@@ -142,7 +142,7 @@ def test_a_walk_with_impacts_has_no_fault(rate: float) -> None:
     sound = walked(rate)
     assert remove_spikes(sound) is sound
     assert not note_dead_channels(sound).repairs
-    assert not note_saturation(sound).repairs
+    assert not leave_out_saturated(sound).repairs
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
@@ -170,9 +170,15 @@ def test_a_channel_is_dead_where_another_plate_s_is_not() -> None:
 
 @pytest.mark.parametrize("share", [0.95, 0.8])
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_a_plate_that_stops_at_a_limit_is_noted(rate: float, share: float) -> None:
-    clipped = _clipped(walked(rate), share)
-    (note,) = note_saturation(clipped).repairs
+def test_what_a_plate_bears_at_its_limit_is_not_known(rate: float, share: float) -> None:
+    sound = walked(rate)
+    clipped = _clipped(sound, share)
+    found = leave_out_saturated(clipped)
+    (note,) = found.repairs
+    cut = sound.pressing[:, 0] > (share + 0.01) * sound.pressing[:, 0].max()
+    assert cut.any() and not found.known[cut, 0].any()
+    assert found.known[:, 1].all()
+    assert found.known[sound.pressing[:, 0] < (share - 0.01) * sound.pressing[:, 0].max(), 0].all()
     assert (note.what, note.where) == ("saturated", "plate_1 fy")
     assert f"{clipped.force[:, 0, 1].max():.0f}"[:2] in note.detail
 
@@ -199,7 +205,7 @@ def test_who_stands_still_and_steps_off_saturates_nothing() -> None:
         surfaces=np.zeros((1, 3)),
         normals=np.array([[0.0, 1.0, 0.0]]),
     )
-    assert not note_saturation(still).repairs
+    assert not leave_out_saturated(still).repairs
 
 
 def test_who_stands_on_one_leg_and_leans_on_something_for_a_while_saturates_nothing() -> None:
@@ -217,4 +223,4 @@ def test_who_stands_on_one_leg_and_leans_on_something_for_a_while_saturates_noth
         surfaces=np.zeros((1, 3)),
         normals=np.array([[0.0, 1.0, 0.0]]),
     )
-    assert not note_saturation(stood).repairs
+    assert not leave_out_saturated(stood).repairs

@@ -127,13 +127,14 @@ def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) ->
     console, summary = make_console(), words.summarise(document)
     print_subject(console, document, words.describe_model(document))
     say(console, "Verdict", "bold", [f"{document.headline}."])
-    for k, effect in enumerate(document.effects[: words.MOST_LINES], 1):
+    told = words.list_told(document.effects)
+    for k, effect in enumerate(told, 1):
         console.print(f"{k}. {effect.name}.", markup=False, highlight=False, soft_wrap=True)
         if share := words.describe_share(effect):
             bar = draw_bar(effect.evidence.gain_held_out or 0.0)
             console.print(f"   {bar} {share}", markup=False, highlight=False, soft_wrap=True)
         console.print(f"   {effect.advice}", markup=False, highlight=False, soft_wrap=True)
-    if (more := len(document.effects) - words.MOST_LINES) > 0 and not everything:
+    if (more := len(document.effects) - len(told)) > 0 and not everything:
         say(console, f"And {more} more", "bold", ["in discovery.json and report.html; --all lists them here"])
     if everything:
         for table in summary.tables:

@@ -104,7 +104,9 @@ class EffectDocument(PlacedEffect):
     """An effect that was named and added to the model, or taken out of the recordings."""
 
     name: str = Field(description="What it is, in plain English.")
-    carries: bool = Field(default=True, description="Whether it stands in the headline.")
+    carries: bool = Field(
+        default=True, description="Whether it stands in the headline: what takes nothing off does not."
+    )
     parameters: dict[str, QuantityDocument]
     smallest_nameable: dict[str, Number] = Field(
         description="Parameter to the size from which it would be named nine times in ten."

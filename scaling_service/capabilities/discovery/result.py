@@ -98,6 +98,7 @@ def make_discovery_document(
         [name for name, role in prepared.roles.items() if role == of] for of in ("fit", "held_out")
     )
     effects = [_make_effect(named, results) for named in found.named]
+    effects.sort(key=lambda effect: not effect.carries)
     headline = words.write_headline(
         found.verdict, effects, found.held_out.whitened, found.unexplained, held_out=bool(held_out)
     )
@@ -216,6 +217,7 @@ def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.Effe
         else words.describe_effect(
             candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
         ),
+        carries=named.gain >= words.NOTHING,
         parameters=numbers,
         smallest_nameable=_select_finite(named.smallest),
         advice=_advise(named, as_class=as_class, left_out=candidate.name in results.left_out),

@@ -22,6 +22,7 @@ LEVELS = (
 """Fields of a gap, what each is of, and its unit."""
 
 MOST_LINES = 3  # effects that are told in a line each (chosen: as many as are read in a minute)
+NOTHING = 0.005  # of the squared gap: less is written as 0 %, and stands in no headline
 _LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE, _MOST_LEFT = 4, 3, 12  # chosen: as many as fit a screen; discovery.json has all
 TOLD_ALONE = 0.3
@@ -187,6 +188,11 @@ def describe_evidence(gain: float, chance: float, *, by_blocks: bool, by_weight:
     return f"{said} The chance that it is what is ordinary for people: {format_p(chance)}."
 
 
+def list_told(effects: Sequence[documents.EffectDocument]) -> list[documents.EffectDocument]:
+    """Those that are told in a line each: the first few of the headline's."""
+    return [e for e in effects if e.carries][:MOST_LINES]
+
+
 def list_cautions(effects: Sequence[documents.EffectDocument]) -> list[str]:
     """All cautions about the sizes of effects."""
     return [said for e in effects if e.belief is not None for said in e.belief.cautions]
@@ -223,17 +229,19 @@ def write_headline(
     largest first.
     """
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
-    if verdict == "nothing":
+    carrying = [e for e in effects if e.carries]
+    if verdict == "nothing" or (effects and not carrying):
         said = (
             f": {unseen} are tracked to {format_figures(level.after)} times what is ordinary" if level else ""
         )
-        return f"Ordinary for people; nothing stands out{said}"
+        least = f" that takes {100.0 * NOTHING:g} % or more off the squared gap" if effects else ""
+        return f"Ordinary for people; nothing{least} stands out{said}"
     if verdict == "unexplained":
         return "Something stands out of what is ordinary for people, and nothing in the catalogue explains it"
     # The same in several recordings is one.
     count, classes, doubtful = (
         len({(e.kind, *e.where) for e in some})
-        for some in (effects, filter(is_class, effects), [e for e in effects if list_cautions([e])])
+        for some in (carrying, filter(is_class, carrying), [e for e in carrying if list_cautions([e])])
     )
     said = "One missing effect was found" if count == 1 else f"{count} missing effects were found"
     for some, doubt in ((classes, "named only as a class of effects"), (doubtful, "of a size to doubt")):
@@ -390,11 +398,12 @@ def _tabulate_unexplained(document: documents.DiscoveryDocument) -> Table:
 def summarise(document: documents.DiscoveryDocument) -> Summary:
     """The verdict, a line for each of the first effects, what to doubt, and the tables."""
     held = f"; held out: {', '.join(document.held_out_trials)}" if document.held_out_trials else ""
+    told = list_told(document.effects)
     why = [
         f"{'; '.join(filter(None, (effect.name, describe_share(effect))))}. {effect.advice}"
-        for effect in document.effects[:MOST_LINES]
+        for effect in told
     ]
-    if (more := len(document.effects) - MOST_LINES) > 0:
+    if (more := len(document.effects) - len(told)) > 0:
         why.append(f"And {more} more, in the table.")
     tables = [tabulate_effects(document)] if document.effects else []
     tables.append(tabulate_gaps(document))

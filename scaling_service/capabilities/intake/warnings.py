@@ -23,7 +23,7 @@ Roles = abc.Mapping[str, tuple[str, str]]
 
 _REPAIRS = {
     "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
-    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
+    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are left out",
     "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
 }
 

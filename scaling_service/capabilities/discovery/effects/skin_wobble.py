@@ -41,12 +41,14 @@ def find_swinging_skin(
     """The likeliest swing of every marker and group of markers, with its log odds.
 
     ``whites``: of every recording, with residuals (n, 3 m) less everything ordinary that lasts, no marker
-    taken for livelier than its part; how much each is, is learnt beside every candidate.
+    taken for livelier than its part; how much each is, is learnt beside every candidate. Recordings in which
+    all markers tremble together, with the cameras, tell nothing of skin.
     """
     looks = [
         _Skin.of(w, left, base, w.look.item.markers)
         for w, left in whites
         if w.look.item.step * len(w.look.item.q) > _FEWEST_S
+        and not any(repair.what == "shaking" for repair in w.look.item.trial.repairs)
     ]
     groups = [g for segment in scene.bearing for g in scene.groups_on(segment.name)]
     if not looks or not groups:

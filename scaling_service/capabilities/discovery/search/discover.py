@@ -188,6 +188,11 @@ def _list_unexplained(
                 of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
                 floors[component] = yardstick.forces[trial].ordinary[component] / level
                 found.append((math.log(level), (component,), component, ""))
+    found += [
+        (0.0, where, max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p]), law)
+        for where, places, law in _list_faults(fit)
+        if (shown := [p for p in places if p in floors])
+    ]
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
     standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
     standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
@@ -214,3 +219,24 @@ def _list_unexplained(
             )
         )
     return tuple(made)
+
+
+def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str]]:
+    """Faults of cameras and plates that the readings alone show and nothing repairs.
+
+    Each with whose it is, the places where it would show, and in words, in the first recording that has it.
+    """
+    found: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {}
+    for item in fit.tracked:
+        for repair in item.trial.repairs:
+            if repair.what == "shaking":
+                found.setdefault(
+                    repair.where, (("markers",), item.markers, f"in {item.trial.name} they {repair.detail}")
+                )
+    for forces in fit.wrenches:
+        for repair in forces.contacts.ground.repairs:
+            if repair.what in ("saturated", "dead_channel"):
+                plate, component = repair.where.split()
+                law = f"in {forces.name} it {repair.detail}"
+                found.setdefault(repair.where, ((plate,), (component,), law))
+    return list(found.values())

@@ -49,13 +49,14 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const cautions = cautionsOf(document);
+  const lines = Math.min(MOST, effects.filter(({ carries }) => carries).length);
   const left = few(unexplained.flatMap((one) => one.where.map(words)));
   return [
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
-      told(document, effects.slice(0, MOST), 1),
-      effects.length > MOST && folded(`${effects.length - MOST} more`, told(document, effects.slice(MOST), MOST + 1)),
+      told(document, effects.slice(0, lines), 1),
+      effects.length > lines && folded(`${effects.length - lines} more`, told(document, effects.slice(lines), lines + 1)),
       left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${spoken(law, Object.keys(document.repairs))}.`),
     ),

@@ -83,7 +83,7 @@ const forces = (document: DynamicsDocument, job: JobDocument): HTMLElement =>
 function search(document: DiscoveryDocument, job: JobDocument): HTMLElement {
   const recordings = Object.keys(document.repairs);
   const next = [...new Set(document.effects.flatMap(({ would_separate }) => (would_separate === null ? [] : [would_separate])))];
-  return chapter("What the model lacks", job, callout(spoken(document.headline, recordings), document.tone, told(document, document.effects, 1)),
+  return chapter("What the model lacks", job, callout(spoken(document.headline, recordings), document.tone, told(document, document.effects.filter(({ carries }) => carries), 1)),
     next.length > 0 && h("div", null, h("h3", null, "To record next"), bullets(next.map((one) => sentence(spoken(one, recordings))))));
 }
 

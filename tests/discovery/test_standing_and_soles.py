@@ -11,12 +11,14 @@ import scipy
 
 from scaling_service.capabilities.discovery.effects.sizes import look_up_usual_sizes, settle_size
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.apply import correct_forces
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
 from scaling_service.capabilities.discovery.laws.loads import PlateFault, PlateGain, PlateShift, PlateTurn
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.ordinary.forces import WrenchTable
+from scaling_service.capabilities.discovery.ordinary.loads import score_loads
 from scaling_service.capabilities.discovery.ordinary.soles import tabulate_steps
 from scaling_service.capabilities.discovery.search.naming import Naming, Origin
 from scaling_service.capabilities.discovery.start import Prepared, prepare
@@ -129,6 +131,35 @@ def test_forces_and_moments_are_judged_as_one_wrench(fit: Fit) -> None:
     assert share is not None
     assert share > 0.5
     assert gain(press(0.5, 0.0), press(0.0, 4.0)) is None
+
+
+@pytest.mark.parametrize(("course", "changes"), [("constant", False), ("late", True), ("high", True)])
+def test_a_fault_that_comes_and_goes_is_not_one_of_constant_size(
+    course: str, changes: bool, fit: Fit
+) -> None:
+    """Neither one that begins half way nor one that shows under high loads alone."""
+    load, sd = PlateGain("plate_1"), np.array([0.05])
+    gain = Candidate(kind="plate_gain", where=("plate_1",), columns=(Column(name="x", unit=1.0, load=load),))
+
+    def spoil(item: WrenchFit) -> WrenchFit:
+        ground, spoilt = item.contacts.ground, without(item, load, -0.2).contacts.ground
+        pressing = ground.pressing[:, 0]
+        when = {
+            "constant": np.ones(len(pressing), dtype=bool),
+            "late": item.times > item.times.mean(),
+            "high": pressing > np.quantile(pressing, 0.7),
+        }[course][:, None, None]
+        force, moment = (np.where(when, getattr(spoilt, k), getattr(ground, k)) for k in ("force", "moment"))
+        return replace(
+            item, contacts=replace(item.contacts, ground=replace(ground, force=force, moment=moment))
+        )
+
+    spoilt = replace(fit, wrenches=tuple(map(spoil, fit.wrenches)))
+    ways = {"mass_sd": 0.05, "weighed": False, "each": False, "touching": [], "touches": lambda _: []}
+    (found,) = score_loads(spoilt, [(gain, sd)], [], **ways).scored
+    named = Estimate(gain, found.size)
+    loads = score_loads(spoilt, [(gain, sd)], [(Estimate(gain, np.zeros(1)), sd)], **ways)
+    assert (loads.score_drift(named, sd) > DiscoverySettings().odds) == changes
 
 
 @pytest.mark.parametrize(("beyond", "settles"), [(-1.0, True), (0.5, True), (1.5, True), (2.5, False)])

@@ -10,9 +10,9 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
@@ -333,10 +333,21 @@ class WrenchTable:
         """Rows (n, 6, k) and those of the soles (m, k), one below the other."""
         return np.concatenate([white.reshape(-1, white.shape[2]), under])
 
-    @cached_property
-    def course(self) -> Array:
-        """From the start of every recording, -1, to its end, 1, (n,)."""
-        return np.concatenate([np.linspace(-1.0, 1.0, len(used)) for _, used in self._frames.values()])
+    def list_courses(self, explained: Array) -> list[Array]:
+        """How the size of a load might change, (n,) each, between -1 and 1 in every recording.
+
+        In the course of time, or with how much of it shows (rows (n, 6) that it explains): steadily, out and
+        back, and there and back again.
+        """
+        shown = np.linalg.norm(explained, axis=1)
+        spans = [slice(start, start + len(used)) for start, used in self._frames.values()]
+        ways = [
+            np.concatenate([np.linspace(-1.0, 1.0, s.stop - s.start) for s in spans]),
+            np.concatenate(
+                [2.0 * scipy.stats.rankdata(shown[s]) / max(s.stop - s.start, 1) - 1.0 for s in spans]
+            ),
+        ]
+        return [*ways, *(1.5 * way**2 - 0.5 for way in ways), *(np.cos(2.0 * np.pi * way) for way in ways)]
 
     def score_roughly(
         self,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
@@ -38,13 +40,16 @@ class Loads:
     named: Sequence[tuple[Estimate, Array]]  # estimated together, with the covariance of their sizes
     keys: Sequence[str]  # of candidates, as the table numbers them
 
-    def score_drift(self, candidate: Candidate, sd: Array) -> float:
-        """Log Bayes factor of a named candidate's growing from start to end of every recording.
+    def score_drift(self, effect: Estimate, sd: Array) -> float:
+        """Log Bayes factor of a named effect's changing in the course of recordings, beside itself.
 
-        ``sd``: of what it grows by.
+        ``sd``: of what it changes by.
         """
-        numbers = self.table.numbers[self.keys.index(candidate.key)]
-        return self.table.score_roughly(self.none, [numbers], [sd], self.table.course)[0].bayes
+        numbers = self.table.numbers[self.keys.index(effect.candidate.key)]
+        explained = self.table.scale(self.none.levels) * self.table.explain(numbers, effect.size)
+        courses = self.table.list_courses(explained)
+        found = [self.table.score_roughly(self.none, [numbers], [sd], way)[0].bayes for way in courses]
+        return float(scipy.special.logsumexp(found)) - math.log(len(courses))
 
     @property
     def square(self) -> float:

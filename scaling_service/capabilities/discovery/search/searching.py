@@ -277,10 +277,11 @@ class Search(Naming):
         return loads.table, loads.none
 
     def _score_drift(self, loads: Loads, candidate: Candidate) -> float:
-        """Log Bayes factor of a named effect that grows in the course of every recording, beside itself."""
+        """Log Bayes factor of a named effect's changing in the course of recordings, beside itself."""
         sd = list_usual_deviations(candidate, self.fit.model)
         assert sd is not None
-        return loads.score_drift(candidate, sd)
+        effect = next(e for e in self.fit.effects if e.candidate.key == candidate.key)
+        return loads.score_drift(effect, sd)
 
     def _find_most(self, one: Named) -> str:
         """The component of the wrench that an effect changes most, in what is ordinary of each."""

@@ -11,11 +11,13 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.laws.candidates import SHAPES, Candidate
+from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.reference import find_reference_folder, read_reference
 
+_LIMBS = ("legs", "arms")
 _HARDLY = 0.025  # probability of a size that is met, below which it is not (one tail of 95 %)
 
 
@@ -38,8 +40,10 @@ class Range:
 def look_up_usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str], Range | None]:
     """By its name in the results, the range of a number that laboratories meet; None where none is known."""
     of_kind, where = _read_sizes().get(candidate.kind, {}), candidate.where
-    own = next((s.mass for s in model.segments if s.name == where[0]), 0.0)
-    units = {"sizes": 1.0, "of_body": sum_mass(model), "of_segment": own}
+    own = next((s for s in model.segments if s.name == where[0]), None)
+    units = {"of_body": sum_mass(model), "of_segment": own.mass if own else 0.0, "sizes": 1.0}
+    if own is not None and find_part(model.bone_of(own.name)) in _LIMBS:
+        units = {"of_limb": 1.0, **units}
 
     def look_up(name: str) -> Range | None:
         for table, unit in units.items():

@@ -127,11 +127,20 @@ class People:
         the segment's frame, m. ``share``: of the sizes.
         """
         size = self.skin(segment)
-        known = {**self.skin_at_joints, **(self.skin_on_trunk if size == self.skin(_TRUNK) else {})}
-        plain = [name[name.startswith(("R", "L")) :] for name in (name or "" for name in landmarks)]
-        at_joints = [known.get(name, 0.0) for name in plain]
+        at_joints = [
+            self.girdle(segment, name) or self.skin_at_joints.get((name or "")[1:], 0.0) for name in landmarks
+        ]
         besides = share * np.sqrt(np.maximum(np.square(at_joints) - size.single**2, 0.0))
         return size.times(share).covariance(places, np.where(at_joints, besides, 0.0))
+
+    def girdle(self, segment: str, landmark: str | None) -> float:
+        """How far a marker on a trunk moves with the shoulder girdle or neck that the trunk lacks, SD, m.
+
+        ``landmark``: with its side; None: no landmark. 0 for what sits on the trunk itself.
+        """
+        if landmark is None or self.skin(segment) != self.skin(_TRUNK):
+            return 0.0
+        return self.skin_on_trunk.get(landmark[landmark.startswith(("R", "L")) :], 0.0)
 
     def place_sd(self, landmark: str) -> body.Vector:
         """Standard deviation of a marker's place, m, along each axis of its segment.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.laws.candidates import Exchange
+from scaling_service.capabilities.discovery.ordinary.sums import FRAMES
 from scaling_service.capabilities.discovery.search.discover import Discovery, discover
 from scaling_service.model.trial import Trial
 from tests.discovery.hidden import NOISE_M, hide, person, recorded
@@ -95,6 +98,24 @@ def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
     assert not findings.named
     assert findings.verdict == "unexplained"
     assert [u.where for u in findings.unexplained] == [["RFH"]]
+
+
+@pytest.mark.parametrize("slow", [False, True], ids=["jumps", "creeps"])
+def test_a_marker_that_is_stuck_on_elsewhere_half_way_is_said_to_jump(slow: bool) -> None:
+    """When, and how far; one that creeps as far does not."""
+    recordings = recorded(person(), person().model)
+    trial = recordings[1].trial
+    course = np.linspace(0.0, 1.0, len(trial.times))
+    markers = trial.markers.copy()
+    markers[:, trial.index("LASIS"), 1] += 0.03 * (course if slow else course > 0.6)
+    recordings[1] = SearchTrial(trial.with_markers(markers), "fit")
+    findings = found(recordings).findings
+    said = [u.law for u in findings.unexplained if u.where == ["LASIS"] and "jumps" in u.law]
+    assert bool(said) != slow
+    if said:
+        size, at = map(float, re.findall(r"by (\d+) mm at ([\d.]+) s", said[0])[0])
+        assert size == pytest.approx(30.0, abs=2.0)
+        assert at == pytest.approx(0.6 * trial.times[-1], abs=trial.times[-1] / FRAMES)
 
 
 def test_a_scaled_volume_is_measured() -> None:

@@ -129,6 +129,11 @@ def expect_body(
         landmarks = [told.get(m) for m in markers]
         wandering = people.skin_covariance(bone, landmarks, places, people.loose_share)
         ordinary.own.add(rows, wandering, part)
+        # Arms and head are held otherwise from recording to recording, not only within one
+        posed = np.repeat([people.girdle(bone, landmark) for landmark in landmarks], 3)
+        held = [(row, sd) for row, sd in zip(rows, posed.tolist(), strict=True) if sd]
+        if held:
+            ordinary.own.add([row for row, _ in held], np.diag([sd**2 for _, sd in held]))
         drivers = find_skin_drivers(scene, segment.name, people)
         for driver, reach in drivers.items():
             share = 1.0 / (reach * math.sqrt(len(drivers)))

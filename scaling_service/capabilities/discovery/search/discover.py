@@ -7,13 +7,9 @@ or whose forces or markers as a whole, are worse with it on what did not fit it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from scaling_service.capabilities.discovery.document import UnexplainedDocument
 from scaling_service.capabilities.discovery.effects.catalogue import (
     describe_details,
     estimate_spreads,
@@ -26,25 +22,18 @@ from scaling_service.capabilities.discovery.evidence.fit import (
 )
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.observations.tracked import ROLES
-from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
 from scaling_service.capabilities.discovery.search.findings import (
-    UNITS,
     Findings,
     NamedEffect,
     Verdict,
-    classify_place,
 )
 from scaling_service.capabilities.discovery.search.gaps import (
     Yardstick,
-    describe_course,
     expect_forces,
     expect_markers,
     list_disagreements,
-    list_shown,
     measure_gap,
-    rms_by_place,
 )
 from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
@@ -56,11 +45,11 @@ from scaling_service.capabilities.discovery.search.naming import (
 )
 from scaling_service.capabilities.discovery.search.searching import FORCES, LABELS, Search
 from scaling_service.capabilities.discovery.search.separating import find_separating_movement
+from scaling_service.capabilities.discovery.search.unexplained import list_unexplained
 from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel
 
 _NOTHING_MORE = "nothing more stands out of what is ordinary for people"
-_REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
 _SPENT = "{} effects of one kind were named, the most that are looked for"
 
 
@@ -127,7 +116,7 @@ def _summarise(
     folds = not any(item.role == "held_out" for item in before.tracked)
     gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
     named = tuple(sorted((_finish(one, search) for one in search.named), key=lambda n: -n.odds))
-    unexplained = _list_unexplained(search, body, forces, yardstick)
+    unexplained = list_unexplained(search, body, forces, yardstick)
     verdict: Verdict = "found" if named else "unexplained" if unexplained else "nothing"
     spent = sum(is_of_markers(n.candidate) for n in named) >= settings.most
     taken = {n.key for n in named}
@@ -163,80 +152,3 @@ def _finish(one: Named, search: Search) -> NamedEffect:
         details=describe_details(effect, search.fit),
         spreads=estimate_spreads(effect, search.fit),
     )
-
-
-def _list_unexplained(
-    search: Search, body: BodyTable, forces: tuple[WrenchTable, ForceEvidence] | None, yardstick: Yardstick
-) -> tuple[UnexplainedDocument, ...]:
-    """Places that are livelier than others of the person, and those of what has the odds but no name."""
-    limit, fit = search.settings.unexplained, search.fit
-    names = [item.name for item in fit.tracked]
-    rms, of_forces = (rms_by_place(fit, names, forces=forces) for forces in (False, True))
-    floors = {
-        place: math.sqrt(np.mean([e.ordinary[place] ** 2 for e in kind.values() if place in e.ordinary]))
-        for kind, places in ((yardstick.markers, rms), (yardstick.forces, of_forces))
-        for place in places
-    }
-    found: list[tuple[float, tuple[str, ...], str, str]] = [
-        (math.log(body.strays[m]), (m,), m, "") for m in body.list_astray(limit)
-    ]
-    if forces is not None:
-        for component, levels in zip(COMPONENTS, forces[1].levels.T, strict=True):
-            level = float(levels.max())
-            if math.log(level) > limit * SPREAD:
-                trial = fit.wrenches[int(levels.argmax())].name
-                of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
-                floors[component] = yardstick.forces[trial].ordinary[component] / level
-                found.append((math.log(level), (component,), component, ""))
-    found += [
-        (0.0, where, max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p]), law)
-        for where, places, law in _list_faults(fit)
-        if (shown := [p for p in places if p in floors])
-    ]
-    told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
-    standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
-    standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
-    for c, where, reason in standing:
-        if not told & set(where):
-            told |= set(where)
-            every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
-            shown = [p for p in every if p in rms or p in of_forces]
-            if shown:
-                most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
-                found.append((0.0, where, most, reason.format(c.kind.replace("_", " "))))
-    made = []
-    for _, where, place, law in sorted(found, reverse=True):
-        observable = classify_place(place)
-        unit, factor = UNITS[observable]
-        made.append(
-            UnexplainedDocument(
-                where=list(where),
-                observable=observable,
-                unit=unit,
-                law=law or describe_course(fit, place) or "it follows no coordinate",
-                rms=factor * {**rms, **of_forces}.get(place, 0.0),
-                floor=factor * floors[place],
-            )
-        )
-    return tuple(made)
-
-
-def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str]]:
-    """Faults of cameras and plates that the readings alone show and nothing repairs.
-
-    Each with whose it is, the places where it would show, and in words, in the first recording that has it.
-    """
-    found: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {}
-    for item in fit.tracked:
-        for repair in item.trial.repairs:
-            if repair.what == "shaking":
-                found.setdefault(
-                    repair.where, (("markers",), item.markers, f"in {item.trial.name} they {repair.detail}")
-                )
-    for forces in fit.wrenches:
-        for repair in forces.contacts.ground.repairs:
-            if repair.what in ("saturated", "dead_channel"):
-                plate, component = repair.where.split()
-                law = f"in {forces.name} it {repair.detail}"
-                found.setdefault(repair.where, ((plate,), (component,), law))
-    return list(found.values())

@@ -1,0 +1,165 @@
+"""What stands out of what is ordinary and is like no effect of the catalogue."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.document import UnexplainedDocument
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
+from scaling_service.capabilities.discovery.ordinary.levels import SPREAD, weigh_marker
+from scaling_service.capabilities.discovery.ordinary.sums import White
+from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
+from scaling_service.capabilities.discovery.search.gaps import (
+    Yardstick,
+    describe_course,
+    list_shown,
+    rms_by_place,
+)
+from scaling_service.capabilities.discovery.search.markers import BodyTable
+from scaling_service.capabilities.discovery.search.searching import Search
+from scaling_service.core.arrays import Array
+from scaling_service.model.people import read_people
+from scaling_service.model.places import tell_landmarks
+
+_REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
+_SLOW = 5  # order up to which polynomials are what wanders slowly (chosen)
+_JUMP_M = 0.025  # half of what is met of a marker's offset (``effect_sizes.yaml``)
+
+
+def list_unexplained(
+    search: Search, body: BodyTable, forces: tuple[WrenchTable, ForceEvidence] | None, yardstick: Yardstick
+) -> tuple[UnexplainedDocument, ...]:
+    """Places that are livelier than others of the person, and those of what has the odds but no name."""
+    limit, fit = search.settings.unexplained, search.fit
+    names = [item.name for item in fit.tracked]
+    rms, of_forces = (rms_by_place(fit, names, forces=forces) for forces in (False, True))
+    floors = {
+        place: math.sqrt(np.mean([e.ordinary[place] ** 2 for e in kind.values() if place in e.ordinary]))
+        for kind, places in ((yardstick.markers, rms), (yardstick.forces, of_forces))
+        for place in places
+    }
+    jumps = sorted((j for j in _list_jumps(body) if j[0] > search.settings.odds), reverse=True)
+    jumped = {j[1]: j for j in reversed(jumps)}
+    found: list[tuple[float, tuple[str, ...], str, str]] = [
+        (math.log(body.strays[m]), (m,), m, "") for m in body.list_astray(limit) - jumped.keys()
+    ]
+    for odds, marker, trial, at, size in jumped.values():
+        others = sum(j[1] == marker for j in jumps) - 1
+        law = f"in {trial} it jumps by {1e3 * size:.0f} mm at {at:.2f} s and stays there"
+        found.append((odds, (marker,), marker, f"{law}{f'; so it does in {others} more' if others else ''}"))
+    if forces is not None:
+        for component, levels in zip(COMPONENTS, forces[1].levels.T, strict=True):
+            level = float(levels.max())
+            if math.log(level) > limit * SPREAD:
+                trial = fit.wrenches[int(levels.argmax())].name
+                of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
+                floors[component] = yardstick.forces[trial].ordinary[component] / level
+                found.append((math.log(level), (component,), component, ""))
+    found += [
+        (0.0, where, max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p]), law)
+        for where, places, law in _list_faults(fit)
+        if (shown := [p for p in places if p in floors])
+    ]
+    told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
+    standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
+    standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
+    for c, where, reason in standing:
+        if not told & set(where):
+            told |= set(where)
+            every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
+            shown = [p for p in every if p in rms or p in of_forces]
+            if shown:
+                most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
+                found.append((0.0, where, most, reason.format(c.kind.replace("_", " "))))
+    made = []
+    for _, where, place, law in sorted(found, reverse=True):
+        observable = classify_place(place)
+        unit, factor = UNITS[observable]
+        made.append(
+            UnexplainedDocument(
+                where=list(where),
+                observable=observable,
+                unit=unit,
+                law=law or describe_course(fit, place) or "it follows no coordinate",
+                rms=factor * {**rms, **of_forces}.get(place, 0.0),
+                floor=factor * floors[place],
+            )
+        )
+    return tuple(made)
+
+
+def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str]]:
+    """Faults of cameras and plates that the readings alone show and nothing repairs.
+
+    Each with whose it is, the places where it would show, and in words, in the first recording that has it.
+    """
+    found: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {}
+    for item in fit.tracked:
+        for repair in item.trial.repairs:
+            if repair.what == "shaking":
+                found.setdefault(
+                    repair.where, (("markers",), item.markers, f"in {item.trial.name} they {repair.detail}")
+                )
+    for forces in fit.wrenches:
+        for repair in forces.contacts.ground.repairs:
+            if repair.what in ("saturated", "dead_channel"):
+                plate, component = repair.where.split()
+                law = f"in {forces.name} it {repair.detail}"
+                found.setdefault(repair.where, ((plate,), (component,), law))
+    return list(found.values())
+
+
+def _list_jumps(body: BodyTable) -> Iterator[tuple[float, str, str, float, float]]:
+    """Of every marker, its likeliest jump from one place on its segment to another.
+
+    Log odds against wandering, however lively or slowly, the marker, the recording, the time (s) and the size
+    (m).
+    """
+    numbers = {spot: k for k, spot in enumerate(body.base.spots)}
+    model, people = body.fit.model, read_people()
+    told = tell_landmarks(model)
+    # A head nods, and shoulders shrug
+    still = [m.name for m in model.markers if not people.girdle(model.bone_of(m.segment), told.get(m.name))]
+    for white, left in body.left:
+        item, weight = white.look.item, white.look.weight
+        shown = [m for m in item.markers if MarkerSpot(m, 0) in numbers and m in still]
+        # From each frame on, about the mean of the whole, which is the marker's place
+        after = np.tri(len(left)).T[1:]
+        after -= after.mean(axis=1, keepdims=True)
+        slowly: Array = np.asarray(
+            np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(left)), _SLOW).T[1:], dtype=float
+        )
+        for marker in shown:
+            columns = white.columns[:, [numbers[MarkerSpot(marker, axis)] for axis in range(3)]]
+            scores = weight * after @ np.matmul(columns, left[:, :, None])[:, :, 0]
+            each = weight * np.matmul(columns, columns.transpose(0, 2, 1))
+            inverse = np.linalg.inv(np.eye(3) / _JUMP_M**2 + np.einsum("sn,nij->sij", np.square(after), each))
+            gains = np.einsum("si,sij,sj->s", scores, inverse, scores) + np.linalg.slogdet(inverse)[1]
+            k = int(np.argmax(gains))
+            bayes, size = _score_course(white, left, columns, after[k : k + 1])
+            if bayes > 0.0:
+                bayes -= max(_score_course(white, left, columns, slowly)[0], 0.0)
+            at = item.times[white.look.rows[k + 1]]
+            yield bayes - math.log(len(after) * len(shown)), marker, item.name, float(at), size
+
+
+def _score_course(white: White, left: Array, columns: Array, courses: Array) -> tuple[float, float]:
+    """Log Bayes factor of some courses (k, n) of a marker together, every marker as lively as it is.
+
+    And the size of what moves, m.
+    """
+    moving = (courses[:, None, :, None] * columns.transpose(1, 0, 2)).reshape(3 * len(courses), -1)
+    inverse = np.linalg.inv(np.eye(len(moving)) / _JUMP_M**2 + white.look.weight * moving @ moving.T)
+    sizes = white.look.weight * inverse @ (moving @ left.ravel())
+    prior = 0.5 * float(np.square(sizes / _JUMP_M).sum()) - 0.5 * float(
+        np.linalg.slogdet(inverse / _JUMP_M**2)[1]
+    )
+    after = left - (sizes @ moving).reshape(left.shape)
+    now, before = (math.fsum(weigh_marker(*one) for one in white.measure(x).values()) for x in (after, left))
+    return now - before - prior, float(np.linalg.norm(sizes))

@@ -289,11 +289,10 @@ def choose_tone(verdict: str, effects: Sequence[documents.EffectDocument], worse
 
 def describe_left(document: documents.DiscoveryDocument) -> Iterator[str]:
     """What stands out and is no effect that is known."""
-    if document.unexplained:
-        left = list_few([place for u in document.unexplained for place in u.where])
-        yield f"Still beyond what is ordinary, and like no effect that is known: {left}."
-    if document.verdict == "unexplained":
-        yield f"Described best: {document.unexplained[0].law}."
+    for u in document.unexplained[:MOST_LINES]:
+        yield f"Beyond what is ordinary, and no effect that is known, at {list_few(u.where)}: {u.law}."
+    if more := document.unexplained[MOST_LINES:]:
+        yield f"And at {list_few([place for u in more for place in u.where])}."
 
 
 def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:

@@ -47,18 +47,17 @@ const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]):
 /** All that was found; steps after the first show only the summary above their own pictures. */
 function verdict(document: DiscoveryDocument, hidden: readonly string[], inReport: boolean): HTMLElement[] {
   const { effects, unexplained, notes } = document;
-  const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const cautions = cautionsOf(document);
   const lines = Math.min(MOST, effects.filter(({ carries }) => carries).length);
-  const left = few(unexplained.flatMap((one) => one.where.map(words)));
+  const more = few(unexplained.slice(MOST).flatMap((one) => one.where.map(words)));
   return [
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
       told(document, effects.slice(0, lines), 1),
       effects.length > lines && folded(`${effects.length - lines} more`, told(document, effects.slice(lines), lines + 1)),
-      left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
-      law !== undefined && h("p", null, `Described best: ${spoken(law, Object.keys(document.repairs))}.`),
+      ...unexplained.slice(0, MOST).map(({ where, law }) => h("p", null, `Beyond what is ordinary, and no effect that is known, at ${few(where.map(words))}: ${spoken(law, Object.keys(document.repairs))}.`)),
+      more !== "" && h("p", null, `And at ${more}.`),
     ),
     cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
     hidden.length > 0 ? folded("What had been hidden in this virtual person", bullets(hidden)) : h("span"),

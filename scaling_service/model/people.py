@@ -137,6 +137,11 @@ class People:
         """How far a marker on a trunk moves with the shoulder girdle or neck that the trunk lacks, SD, m.
 
         ``landmark``: with its side; None: no landmark. 0 for what sits on the trunk itself.
+
+        Examples
+        --------
+        >>> [read_people().girdle(bone, "RSHO") for bone in ("torso", "scapula_r")]
+        [0.025, 0.0]
         """
         if landmark is None or self.skin(segment) != self.skin(_TRUNK):
             return 0.0

@@ -109,6 +109,19 @@ def test_where_no_member_of_a_class_stands_out_the_class_is_reported(
     )
 
 
+def test_what_takes_nothing_off_stands_in_no_headline(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two = document.effects[0], document.effects[-1].model_copy(update={"carries": False})
+    headline = write_headline("found", [one, two], None, [], held_out=True)
+    assert headline.startswith("One missing effect")
+    out = said(document.model_copy(update={"effects": [one, two]}), capsys)
+    assert f"1. {one.name}" in out
+    assert two.name not in out
+    alone = write_headline("found", [two], None, [], held_out=True)
+    assert alone == "Ordinary for people; nothing that takes 0.5 % or more off the squared gap stands out"
+
+
 def test_how_the_files_were_read_is_said(
     document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
 ) -> None:

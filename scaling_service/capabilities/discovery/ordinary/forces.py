@@ -46,7 +46,7 @@ NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
 2017: 10 to 20 N and 10 to 25 N m RMS in squats and walks)."""
 
 _OF_KG = 65.0
-_OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
+OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
 _LASTING_S = np.array([0.06, 0.06, 0.06, 0.2, 0.2, 0.2])
 """Time of correlation to 1/e of what ordinary recordings leave below 6 Hz (measured: forces 0.05, 0.05, 0.05
 and 0.08 s in four laboratories; moments 0.07 to 0.09 in three of them and 0.4 in one)."""
@@ -215,7 +215,7 @@ class WrenchTable:
                 columns[:, :, k] = made[:, :, place[key.load]]
         measured = item.move_moment(item.filter(item.measured))[used]
         moved = measured.std(axis=0) if len(used) else np.zeros(6)
-        sd = np.hypot(NOISE * item.mass / _OF_KG, _OF_MOVEMENT * moved)
+        sd = np.hypot(NOISE * item.mass / _OF_KG, OF_MOVEMENT * moved)
         weight = np.minimum(1.0, item.step * thin / (2.0 * _LASTING_S))
         shape = (len(used), 6)
         wide = np.broadcast_to(sd, shape), np.broadcast_to(weight, shape)

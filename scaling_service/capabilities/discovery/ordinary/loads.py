@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +11,7 @@ import scipy
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.ordinary.forces import (
+    OF_MOVEMENT,
     ForceEvidence,
     Touch,
     WrenchTable,
@@ -43,13 +43,17 @@ class Loads:
     def score_drift(self, effect: Estimate, sd: Array) -> float:
         """Log Bayes factor of a named effect's changing in the course of recordings, beside itself.
 
-        ``sd``: of what it changes by.
+        ``sd``: of what it changes by. Against a change by a share of itself, by which persons and models
+        disagree with any size.
         """
         numbers = self.table.numbers[self.keys.index(effect.candidate.key)]
         explained = self.table.scale(self.none.levels) * self.table.explain(numbers, effect.size)
         courses = self.table.list_courses(explained)
-        found = [self.table.score_roughly(self.none, [numbers], [sd], way)[0].bayes for way in courses]
-        return float(scipy.special.logsumexp(found)) - math.log(len(courses))
+        large, everyday = (
+            [self.table.score_roughly(self.none, [numbers], [by], way)[0].bayes for way in courses]
+            for by in (sd, OF_MOVEMENT * np.abs(effect.size))
+        )
+        return float(scipy.special.logsumexp(large) - scipy.special.logsumexp(everyday))
 
     @property
     def square(self) -> float:

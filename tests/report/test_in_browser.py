@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling.saving import save
@@ -22,6 +25,13 @@ SOON_MS = 1000.0
 
 TRIES = 5  # one of them must be quick, for the machine may be busy
 PAINTED = "performance.getEntriesByName('first-contentful-paint').map((entry) => entry.startTime)"
+IMAGE = re.compile(
+    rb"/Subtype\s*/Image\s*/Width (\d+)\s*/Height (\d+)[^<>]*/FlateDecode\s*/Length (\d+)>> stream\r?\n"
+)
+"""In a PDF by Chromium: what a canvas shows, in RGB."""
+
+PAPER = (238, 241, 245)  # what is behind the models in light
+DRAWN = 0.02  # of the picture; chosen: the models cover 0.05, the floor alone 0.01
 TOO_WIDE = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 Open = Callable[..., Visitor]
@@ -113,6 +123,18 @@ def test_it_fits_a_phone(open_report: Open, place: str) -> None:
     assert visitor.page.evaluate(TOO_WIDE) <= 0
     if place == "verdict":
         assert visitor.page.locator(".table").first.evaluate("it => it.scrollWidth - it.clientWidth") <= 0
+
+
+def test_models_are_printed_on_light_paper(open_report: Open) -> None:
+    visitor = open_report(color_scheme="dark")
+    visitor.page.locator(".picture .apart").wait_for()  # both models are there
+    printed = visitor.page.pdf(format="A4")
+    (found,) = IMAGE.finditer(printed)
+    width, height, size = map(int, found.groups())
+    content = zlib.decompress(printed[found.end() : found.end() + size])
+    pixels = np.frombuffer(content, np.uint8).reshape(height, width, 3)
+    assert tuple(pixels[0, 0]) == PAPER
+    assert np.mean(np.any(pixels != pixels[0, 0], axis=2)) > DRAWN
 
 
 def test_without_javascript_the_summary_is_read(open_report: Open, headline: str) -> None:

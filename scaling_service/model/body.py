@@ -109,7 +109,7 @@ class Law:
     @property
     def is_constant(self) -> bool:
         """Whether neither a coordinate nor a parameter enters."""
-        return all([t.is_constant for t in self.terms])
+        return all(t.is_constant for t in self.terms)
 
     @property
     def coordinates(self) -> set[str]:

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.house import ROOT, read_modules
+
+Modules = dict[Path, ast.Module]
 
 CHANGING = ("add", "append", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update")
 """Methods that change a list, a set or a mapping."""
@@ -40,23 +42,29 @@ def test_check(name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_functions_are_verbs() -> None:
+@pytest.fixture(scope="module")
+def modules() -> dict[Path, ast.Module]:
+    """All of the package, parsed once."""
+    return read_modules()
+
+
+def test_functions_are_verbs(modules: Modules) -> None:
     """Of what is no verb, participles can be told by their ends: what is ``scaled`` is a value."""
     found = {
         function.name: f"{path}:{function.lineno}"
-        for path in (ROOT / "scaling_service").rglob("*.py")
-        for function in ast.walk(ast.parse(path.read_bytes()))
+        for path, module in modules.items()
+        for function in ast.walk(module)
         if isinstance(function, ast.FunctionDef) and not function.decorator_list
         if function.name.strip("_").partition("_")[0].endswith("ed")
     }
     assert {name: place for name, place in found.items() if name not in PARTICIPLES} == {}
 
 
-def test_constructors_of_many_fields_take_keywords() -> None:
+def test_constructors_of_many_fields_take_keywords(modules: Modules) -> None:
     found = [
         f"{path}:{node.lineno}"
-        for path in (ROOT / "scaling_service").rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_bytes()))
+        for path, module in modules.items()
+        for node in ast.walk(module)
         if isinstance(node, ast.ClassDef) and len(positional_fields(node)) > MOST_POSITIONAL
     ]
     assert found == []
@@ -72,13 +80,13 @@ def positional_fields(node: ast.ClassDef) -> list[str]:
     return [text for text in placed if "ClassVar" not in text and "init=False" not in text]
 
 
-def test_no_imports_run_in_circles() -> None:
+def test_no_imports_run_in_circles(modules: Modules) -> None:
     """Neither those at the top of a module, nor those within functions or for types alone."""
-    files = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
-        for path in (ROOT / "scaling_service").rglob("*.py")
+    named = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): module
+        for path, module in modules.items()
     }
-    imported = {name: set(imports(ast.parse(path.read_bytes()), files)) for name, path in files.items()}
+    imported = {name: set(imports(module, named)) for name, module in named.items()}
     TopologicalSorter(imported).prepare()  # raises CycleError
 
 
@@ -95,11 +103,10 @@ def imports(module: ast.Module, known: Container[str]) -> Iterator[str]:
         yield from (name for name in named if name in known)
 
 
-def test_no_module_holds_state_that_changes() -> None:
+def test_no_module_holds_state_that_changes(modules: Modules) -> None:
     """No ``global``, no function writes to what its module binds, and no cache grows without bound."""
     assert list(changes(ast.parse("KNOWN = {}\ndef f(): KNOWN['a'] = 1"))) == [2]
-    files = (ROOT / "scaling_service").rglob("*.py")
-    found = [f"{path}:{line}" for path in files for line in changes(ast.parse(path.read_bytes()))]
+    found = [f"{path}:{line}" for path, module in modules.items() for line in changes(module)]
     assert found == []
 
 

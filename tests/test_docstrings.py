@@ -28,6 +28,9 @@ MODULES = [
     for module in pkgutil.walk_packages(scaling_service.__path__, "scaling_service.")
     if not module.name.startswith(APART)
 ]
+SEARCH = [f"scaling_service.capabilities.discovery.{name}" for name in ("run", "saving")]
+"""Their examples search for what is missing, which takes long."""
+
 PUBLIC = {f"scaling_service.{home}" for home in scaling_service.HOMES.values()}
 
 
@@ -62,7 +65,9 @@ def remembered() -> dict[str, Callable[..., Any]]:
     return {name: remember(getattr(scaling_service, name)) for name in ("scale", "discover", "dynamics")}
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.costly] if name in SEARCH else []) for name in MODULES]
+)
 def test_examples(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in PUBLIC:
         monkeypatch.chdir(request.getfixturevalue("reader"))

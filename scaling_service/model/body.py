@@ -119,14 +119,19 @@ class Law:
     @property
     def constant_part(self) -> float:
         """The sum of the terms in which nothing but the gain enters."""
-        return sum(t.gain for t in self.terms if t.is_constant)
+        return sum([t.gain for t in self.terms if t.is_constant])
 
     def __add__(self, other: Law) -> Law:
         return Law(self.terms + other.terms)
 
     def scale(self, factor: float) -> Law:
         """The law with every gain multiplied."""
-        return Law(tuple(replace(t, gain=t.gain * factor) for t in self.terms))
+        return Law(
+            tuple(
+                Term(t.gain * factor, t.parameter, t.coordinate, t.shape, surface=t.surface)
+                for t in self.terms
+            )
+        )
 
 
 @dataclass(frozen=True, slots=True)

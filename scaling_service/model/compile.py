@@ -33,6 +33,7 @@ from scaling_service.numerics.multibody.laws import (
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
 
+_AXES = np.eye(3)
 _STILL = "fixed to the ground"
 _WELDED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
 """Two axes of a welded frame, whose tips must meet, too (m; chosen: an error of 1 rad counts as 1 m)."""
@@ -257,7 +258,7 @@ def _list_marker_terms(row: int, marker: body.Marker, index: _Index) -> list[tre
     """Terms along different axes that follow one factor with known gains are one term."""
     known: dict[int, TermArrays] = {}
     free: list[TermArrays] = []
-    for axis, law in zip(np.eye(3), marker.laws, strict=True):
+    for axis, law in zip(_AXES, marker.laws, strict=True):
         for term in index.terms(law, axis)[1]:
             if term.parameter != NONE:
                 free.append(term)
@@ -270,7 +271,7 @@ def _list_marker_terms(row: int, marker: body.Marker, index: _Index) -> list[tre
 
 def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]:
     moves: list[Move] = []
-    pending = np.eye(3)  # a constant rotation not yet written down
+    pending = _AXES  # a constant rotation not yet written down
     for joint in joints:
         axis = np.asarray(joint.axis, dtype=float)
         if joint.kind == "translation":
@@ -297,7 +298,7 @@ def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]
                 tuple(TermArrays(sign * t.gain, t.parameter, t.factor) for t in terms),
             )
         )
-    if not np.allclose(pending, np.eye(3), rtol=0.0, atol=1e-15):
+    if np.abs(pending - _AXES).max() > 1e-15:
         moves.append(Fixed(pending))
     return tuple(moves)
 
@@ -307,7 +308,7 @@ def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:
     number = int(np.argmax(np.abs(axis)))
     if abs(axis[number]) > 1.0 - 1e-15:
         return None, number, float(np.sign(axis[number]))
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    helper = _AXES[int(np.argmin(np.abs(axis)))]
     x = np.cross(helper, axis)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis]), 2, 1.0

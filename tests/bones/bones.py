@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-import pyvista
 from numpy.typing import NDArray
+from pyvista import ImageData
 
 Array = NDArray[np.float64]
 Mesh = tuple[Array, NDArray[np.intp]]
@@ -48,7 +48,7 @@ def meshed(parts: list[Field], low: object, high: object, *, step: float = 2.0) 
     """The surface of the union of some parts, in mm."""
     corner, top = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     size = np.ceil((top - corner) / step).astype(int) + 1
-    grid = pyvista.ImageData(dimensions=tuple(size), spacing=(step,) * 3, origin=tuple(corner))
+    grid = ImageData(dimensions=tuple(size), spacing=(step,) * 3, origin=tuple(corner))
     points = np.asarray(grid.points, dtype=float)
     field = np.min([part(points) for part in parts], axis=0)
     surface = grid.contour([0.0], scalars=field).triangulate()

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import nibabel
 import numpy as np
-import pyvista
-import vtk
+from pyvista import PolyData, wrap
+from vtkmodules.util.vtkConstants import VTK_UNSIGNED_CHAR
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkImagingStencil import vtkImageStencil, vtkPolyDataToImageStencil
 
 from tests.bones.bones import Mesh
 
@@ -37,22 +39,22 @@ def write_labels(
 
 def fill(mesh: Mesh, low: np.ndarray, spacing: tuple[float, float, float], size: np.ndarray) -> np.ndarray:
     """Which voxels lie inside."""
-    image = vtk.vtkImageData()
+    image = vtkImageData()
     image.SetSpacing(*spacing)
     image.SetOrigin(*low)
     image.SetDimensions(*map(int, size))
-    image.AllocateScalars(vtk.VTK_UNSIGNED_CHAR, 1)
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, 1)
     image.GetPointData().GetScalars().Fill(1)
-    stencil = vtk.vtkPolyDataToImageStencil()
-    stencil.SetInputData(pyvista.PolyData.from_regular_faces(*mesh))
+    stencil = vtkPolyDataToImageStencil()
+    stencil.SetInputData(PolyData.from_regular_faces(*mesh))
     stencil.SetOutputOrigin(*low)
     stencil.SetOutputSpacing(*spacing)
     stencil.SetOutputWholeExtent(image.GetExtent())
     stencil.Update()
-    cut = vtk.vtkImageStencil()
+    cut = vtkImageStencil()
     cut.SetInputData(image)
     cut.SetStencilConnection(stencil.GetOutputPort())
     cut.SetBackgroundValue(0)
     cut.Update()
-    inside = np.asarray(pyvista.wrap(cut.GetOutput()).point_data.active_scalars)
+    inside = np.asarray(wrap(cut.GetOutput()).point_data.active_scalars)
     return inside.reshape(size, order="F") > 0

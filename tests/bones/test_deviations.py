@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import pyvista
+from pyvista import PolyData
 from scipy.stats import chi2
 
 from scaling_service.bones.deviations import deviate_line
@@ -57,7 +57,7 @@ def decimate(mesh: Mesh) -> Mesh:
     vertices, faces = merge_vertices(*mesh)
     if len(faces) <= 3000:
         return vertices, faces
-    coarse = pyvista.PolyData.from_regular_faces(vertices, faces).decimate(1.0 - 3000 / len(faces))
+    coarse = PolyData.from_regular_faces(vertices, faces).decimate(1.0 - 3000 / len(faces))
     return np.asarray(coarse.points, dtype=float), np.asarray(coarse.regular_faces, dtype=np.intp)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import pyvista
+from pyvista import PolyData
 
 from scaling_service.bones.morph import map_surface, measure_distances
 from scaling_service.bones.results import MeshRefused
@@ -49,7 +49,7 @@ def test_a_known_map_is_found(bone: Bone) -> None:
 
 
 def test_a_bone_onto_itself_stays(bone: Bone) -> None:
-    full = pyvista.PolyData.from_regular_faces(bone.vertices, bone.faces)
+    full = PolyData.from_regular_faces(bone.vertices, bone.faces)
     coarse = full.decimate(0.9)  # few enough faces to be taken as they are
     same, at = Bone(coarse.points, coarse.regular_faces), attachments(bone)
     found = map_surface(same, same, *np.zeros((2, 1, 3)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import pyvista
+from pyvista import Sphere
 
 from scaling_service.bones.posterior_sphere import Usual, average_spheres
 from scaling_service.bones.surface import Surface, prepare
@@ -17,7 +17,7 @@ USUAL = Usual(radius=0.0145, radius_sd=0.0012)
 
 def make_ball(share: float) -> tuple[Surface, np.ndarray]:
     """The upper part of a ball, and where its centre is in the surface's frame."""
-    ball = pyvista.Sphere(radius=RADIUS, theta_resolution=60, phi_resolution=60).triangulate()
+    ball = Sphere(radius=RADIUS, theta_resolution=60, phi_resolution=60).triangulate()
     points = np.asarray(ball.points, dtype=float)
     faces = np.asarray(ball.regular_faces)
     low = RADIUS * (1.0 - 2.0 * share)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista
+from pyvista import PolyData
 from scipy.spatial import ConvexHull
 
 from scaling_service.bones.mesh import merge_vertices
@@ -40,7 +40,10 @@ class Person:
         return np.asarray(axes["Z"])
 
 
-@pytest.fixture(scope="module", params=["bones/LHDL_CT", "bones/TLEM2_CT", "jia_mri"])
+PERSONS = ("bones/LHDL_CT", "bones/TLEM2_CT", "jia_mri")
+
+
+@pytest.fixture(scope="module", params=PERSONS)
 def person(request: pytest.FixtureRequest, shared_data: Path) -> Person:
     folder = shared_data / request.param
     if not (folder / "reference_joints.json").is_file():
@@ -53,6 +56,14 @@ def person(request: pytest.FixtureRequest, shared_data: Path) -> Person:
             meshes[name] = (mesh.vertices * 1e-3, mesh.faces)
     expert = json.loads((folder / "reference_joints.json").read_text())["manual"]
     return Person("mri" in request.param, meshes, find_landmarks(meshes), expert)
+
+
+ONE_OF_THREE = pytest.mark.parametrize(
+    "person",
+    ["jia_mri", *(pytest.param(name, marks=pytest.mark.costly) for name in PERSONS if name != "jia_mri")],
+    indirect=True,
+)
+"""The rough bone in any case; computed tomographies, which are finer, where what takes long is."""
 
 
 def degrees(a: np.ndarray, b: np.ndarray) -> float:
@@ -86,15 +97,14 @@ def test_ankle(person: Person) -> None:
     assert 3.0 < np.linalg.norm(malleoli) < 12.0  # tips lie lateral, proximal and behind
 
 
+@ONE_OF_THREE
 @pytest.mark.parametrize("faces", [None, pytest.param(5000, marks=pytest.mark.costly), 2000])
 @pytest.mark.parametrize("noise_mm", [0.0, 0.5])
 def test_the_subtalar_axis_stays_on_worse_meshes(person: Person, faces: int | None, noise_mm: float) -> None:
     """It jumped by 25 to 38 degrees on the rough bone when another hollow was taken for the facet."""
     vertices, triangles = merge_vertices(*person.meshes["talus_r"])
     if faces is not None and faces < len(triangles):
-        coarse = pyvista.PolyData.from_regular_faces(vertices, triangles).decimate(
-            1.0 - faces / len(triangles)
-        )
+        coarse = PolyData.from_regular_faces(vertices, triangles).decimate(1.0 - faces / len(triangles))
         vertices, triangles = np.asarray(coarse.points, dtype=float), np.asarray(coarse.regular_faces)
     vertices = vertices + 1e-3 * noise_mm * np.random.default_rng(1).normal(size=vertices.shape)
     found = find_landmarks({"tibia_r": person.meshes["tibia_r"], "talus_r": (vertices, triangles)})["talus_r"]
@@ -102,6 +112,7 @@ def test_the_subtalar_axis_stays_on_worse_meshes(person: Person, faces: int | No
     assert moved < 3.0
 
 
+@ONE_OF_THREE
 def test_a_heel_bone_is_no_talus(person: Person, shared_data: Path) -> None:
     """In its own image where it lies, in others where a talus's bottom is, and pushed up to the tibia."""
     heel = shared_data / "bones/JIA_foot/calcaneus_r.stl"
@@ -156,6 +167,7 @@ def test_a_millimetre_of_noise_moves_hip_and_knee_by_half_at_most(person: Person
         assert moved <= (1.5e-3 if person.rough and name == "knee_centre" else 5e-4), name
 
 
+@ONE_OF_THREE
 def test_pose_and_side(person: Person) -> None:
     rng = np.random.default_rng(7)
     q, _ = np.linalg.qr(rng.normal(size=(3, 3)))

@@ -165,7 +165,12 @@ def test_bones_that_do_not_fit_the_markers_are_refused_or_reported(model: str) -
 
 
 @pytest.fixture(
-    scope="module", params=["rajagopal_walk/Rajagopal2016", "opencap_squat/unscaled_generic", "gait2354"]
+    scope="module",
+    params=[
+        "rajagopal_walk/Rajagopal2016",
+        pytest.param("opencap_squat/unscaled_generic", marks=pytest.mark.costly),  # knees as Rajagopal's
+        "gait2354",
+    ],
 )
 def real(request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: pytest.TempPathFactory):
     """A real person's bones of the right leg, talus included, and a public model: its session and EB."""

@@ -20,13 +20,19 @@ from scaling_service.studies.benchmark.persons import World, draw_person
 from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
-N_PERSONS = 24
+FEW, MANY = 8, 24  # persons
+
+
+@pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.costly)])
+def n_persons(request: pytest.FixtureRequest) -> int:
+    return int(request.param)
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Errors]]:
+def found(n_persons: int, tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Errors]]:
     """Method to quantity to errors of all persons, measured once in a run."""
-    return make_once(tmp_path_factory, "oracle_persons", lambda: measure(range(N_PERSONS), ["MB", "MAP"]))
+    name = f"oracle_{n_persons}_persons"
+    return make_once(tmp_path_factory, name, lambda: measure(range(n_persons), ["MB", "MAP"]))
 
 
 @pytest.mark.parametrize("length", ["shank", "inter_hip", "femur"])
@@ -45,19 +51,19 @@ QUANTITIES += ["pelvis_tilt", "pelvis_list", "pelvis_rotation"]
 
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_stated_deviations_cover(found, quantity, per_cent):
+def test_stated_deviations_cover(found, n_persons, quantity, per_cent):
     """As far as so many persons can tell: an angle's error is mostly one number a person."""
     share = per_cent / 100.0
-    chance = 3.0 * np.sqrt(share * (1.0 - share) / N_PERSONS)
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / n_persons)
     assert found["MAP"][quantity].cover(per_cent) == pytest.approx(share, abs=chance)
 
 
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
-def test_stated_deviations_of_means_cover(found, per_cent):
+def test_stated_deviations_of_means_cover(found, n_persons, per_cent):
     """Over all angles of a walk: what all frames have in common counts in full."""
     covered = [errors.cover(per_cent) for name, errors in found["MAP"].items() if name.endswith(" mean")]
     share = per_cent / 100.0
-    chance = 3.0 * np.sqrt(share * (1.0 - share) / N_PERSONS)
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / n_persons)
     assert np.mean(covered) == pytest.approx(share, abs=chance)
 
 

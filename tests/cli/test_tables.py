@@ -7,7 +7,6 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-import pandas
 import pytest
 import yaml
 from pydantic import ValidationError
@@ -20,6 +19,8 @@ from tests.safety.running import unpack_subject
 
 
 def test_tables_of_a_motion_hold_what_its_files_hold(folder: Path) -> None:
+    import pandas  # half a second in every process that collects
+
     pytest.importorskip("pyarrow")
     given = ["ik", "lower_limb_14dof", str(folder / "walk.trc"), "--tables", "csv,parquet,bids"]
     assert main([*given, "--out", str(folder / "out")]) == 0
@@ -39,6 +40,8 @@ def test_tables_of_a_motion_hold_what_its_files_hold(folder: Path) -> None:
 
 
 def test_tables_of_a_scaling(folder: Path) -> None:
+    import pandas  # half a second in every process that collects
+
     given = ["scale", str(folder / "S01.yaml"), "--method", "MB", "--tables", "csv"]
     assert main([*given, "--out", str(folder / "out")]) == 0
     scaled = json.loads((folder / "out/MB/scaling.json").read_text(encoding="utf-8"))
@@ -58,6 +61,8 @@ def test_an_unknown_form_is_refused_before_computing(
 
 
 def test_tables_of_loads_are_those_of_their_file(tmp_path: Path) -> None:
+    import pandas  # half a second in every process that collects
+
     unpack_subject("forces", tmp_path)
     given = ["dynamics", str(tmp_path / "S01.yaml"), "--start", "none", "--no-report"]
     assert main([*given, "--tables", "csv", "--out", str(tmp_path / "out")]) == 0

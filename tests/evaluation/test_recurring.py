@@ -132,6 +132,7 @@ def test_the_left_side_is_the_mirror_image_of_the_right(name: str) -> None:
         assert moved > 1e-4  # else nothing was compared
 
 
+@pytest.mark.costly
 def test_a_folder_of_persons_is_searched_for_what_recurs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

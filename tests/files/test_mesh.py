@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista
 import trimesh
+from pyvista import make_tri_mesh
 
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files import mesh as module
@@ -16,7 +16,7 @@ BALL = trimesh.creation.icosphere(2, 30.0)
 
 def written(path: Path) -> Path:
     if path.suffix == ".vtp":
-        pyvista.make_tri_mesh(np.asarray(BALL.vertices), np.asarray(BALL.faces)).save(path)
+        make_tri_mesh(np.asarray(BALL.vertices), np.asarray(BALL.faces)).save(path)
     else:
         BALL.export(path)
     return path

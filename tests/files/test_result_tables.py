@@ -9,7 +9,6 @@ import subprocess
 import sysconfig
 from pathlib import Path
 
-import pandas
 import pytest
 
 from scaling_service.core.errors import DependencyMissing, InputError
@@ -38,6 +37,8 @@ REQUIRED = ["name", "component", "type", "tracked_point", "units"]
 
 
 def test_csv_and_what_stands_beside(tmp_path: Path) -> None:
+    import pandas  # half a second in every process that collects
+
     save_tables({"lengths": LENGTHS}, tmp_path, ["csv"], ABOUT)
     frame = pandas.read_csv(tmp_path / "lengths.csv")
     assert list(frame.columns) == list(LENGTHS.columns)

@@ -32,6 +32,9 @@ RUN = [
     and any(block.language in ("bash", "python") for block in blocks(pages.read_page(name)))
 ]
 DEMO = "scaling-service demo --out demo\n"
+SEARCHED = "missing-effect"
+"""The page whose one command searches the example: what takes long."""
+
 SLOW = "# half a minute"
 """Begins blocks that are run only where what takes long is."""
 
@@ -44,7 +47,9 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", RUN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.costly] if name == SEARCHED else []) for name in RUN]
+)
 def test_what_a_page_says_to_do_does_what_it_shows(
     name: str,
     lab: Path,

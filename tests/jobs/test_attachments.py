@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista
+from pyvista import PolyData
 
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results
@@ -22,7 +23,7 @@ from scaling_service.files.osim.muscles import read_attachments
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from tests.jobs.recorded import imaged_walker_document, walker_document
 
-pytest.importorskip("opensim")
+pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
 ON_SURFACE = ComparisonOptions(muscle_points="surface")
 Array = np.ndarray
@@ -40,7 +41,7 @@ def broaden(points: Array) -> Array:
 def followed(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Results, Path]:
     folder = tmp_path_factory.mktemp("surface")
     document = imaged_walker_document(shared_data)
-    document["trials"]["calibration"] = []
+    document["trials"] |= {"calibration": [], "evaluation": []}
     model = folder / "model.osim"
     model.write_bytes(Path(document["model"]).read_bytes())
     file = folder / "subject.json"
@@ -51,7 +52,7 @@ def followed(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tup
     person = read_mesh(folder / "plain" / "EB" / "bones" / "femur_r.stl")
     size = plain.scalings["EB"].calibration.scale_factors["femur_r"]
     (folder / "Geometry").mkdir()
-    own = pyvista.PolyData.from_regular_faces(broaden(person.vertices) / size, person.faces)
+    own = PolyData.from_regular_faces(broaden(person.vertices) / size, person.faces)
     own.save(folder / "Geometry" / "r_femur.vtp")
     results = run(loaded, ("EB",), options=ON_SURFACE)
     save(results, folder / "out", comparison=False)

@@ -115,6 +115,7 @@ def _rows(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.costly
 def test_workers_do_not_change_a_number(root: Path, tmp_path: Path) -> None:
     shutil.rmtree(root / "C")
     one = _batch(table(root, "B", "A"), tmp_path / "one")

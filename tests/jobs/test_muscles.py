@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from scaling_service.files.sto import read_sto
 from tests.jobs.recorded import imaged_walker_document, walker_document
 from tests.report.reading import held, read
 
-pytest.importorskip("opensim")
+pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
 WITH_MUSCLES = ComparisonOptions(muscles=True)
 

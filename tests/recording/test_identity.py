@@ -111,11 +111,12 @@ def test_runners_clusters_without_names(shared_data, who):
             assert found.labels[number].segment == f"{segment}_{side.lower()}", label
 
 
-def test_children_of_a_clinic_without_names(shared_data):
+@pytest.mark.parametrize("number", [3, pytest.param(None, marks=pytest.mark.costly, id="all")])
+def test_children_of_a_clinic_without_names(shared_data, number):
     """The whole body with feet of fourteen markers; truth: the laboratory's names."""
     wrong = []
     count = 0
-    for folder in sorted((shared_data / "clinic").iterdir()):
+    for folder in sorted((shared_data / "clinic").iterdir())[:number]:
         first, second, *_ = sorted(folder.glob("*.c3d"))
         static, walk = (read_recording(file).trial for file in (first, second))
         static, walk = (apply(decide(trial), trial) for trial in (static, walk))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling.saving import save
@@ -20,8 +23,16 @@ MOST_BYTES = 5e6
 SOON_MS = 1000.0
 """Until something is painted. Chosen: what a person does not wait for."""
 
+READ = ("Verdict", "Sizes", "Errors", "Angles", "Numbers")
 TRIES = 5  # one of them must be quick, for the machine may be busy
 PAINTED = "performance.getEntriesByName('first-contentful-paint').map((entry) => entry.startTime)"
+IMAGE = re.compile(
+    rb"/Subtype\s*/Image\s*/Width (\d+)\s*/Height (\d+)[^<>]*/FlateDecode\s*/Length (\d+)>> stream\r?\n"
+)
+"""In a PDF by Chromium: what a canvas shows, in RGB."""
+
+PAPER = (238, 241, 245)  # what is behind the models in light
+DRAWN = 0.02  # of the picture; chosen: the models cover 0.05, the floor alone 0.01
 TOO_WIDE = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 Open = Callable[..., Visitor]
@@ -73,28 +84,38 @@ def open_report(browser: Any, report: Path) -> Iterator[Open]:
 
 def test_it_is_small_and_painted_at_once(report: Path, open_report: Open) -> None:
     assert report.stat().st_size <= MOST_BYTES
-    painted = []
-    for _ in range(TRIES):
+    painted = list[float]()
+    while len(painted) < TRIES and min(painted, default=np.inf) > SOON_MS:
         visitor = open_report()
         visitor.page.wait_for_selector("nav.tabs")
         painted += visitor.page.evaluate(PAINTED)
     assert min(painted) <= SOON_MS
 
 
-@pytest.mark.parametrize(
-    "place", ["", "space", "sizes", "errors", "angles", "numbers", "files", "everything"]
-)
-def test_every_part_is_shown(open_report: Open, headline: str, axe: str | None, place: str) -> None:
-    visitor = open_report(f"#/jobs/report/{place}" if place else "")
+@pytest.mark.parametrize("place", ["space", "files", "everything"])
+def test_nobody_meets_a_barrier(open_report: Open, headline: str, axe: str | None, place: str) -> None:
+    """On one page stand all parts that are to be read; the others are there to be handled."""
+    visitor = open_report(f"#/jobs/report/{place}")
     visitor.page.wait_for_selector("nav.tabs [aria-current]")
-    if place in ("", "everything"):
+    if place == "everything":
         visitor.sees(headline)
         visitor.page.wait_for_selector(".picture canvas")
+        assert set(READ) <= set(visitor.page.locator("main > section > h2").all_inner_texts())
     if place == "space":
         visitor.page.wait_for_selector(".playback canvas")
         visitor.page.wait_for_selector(".main-svg")
     if axe is not None:
         assert visitor.barriers(axe) == []
+
+
+def test_every_part_is_shown(open_report: Open, headline: str) -> None:
+    visitor = open_report()
+    visitor.sees(headline)
+    visitor.page.wait_for_selector(".picture canvas")
+    for title in READ:
+        visitor.follow(title)
+        visitor.page.locator("nav.tabs [aria-current]", has_text=title).wait_for()
+        visitor.page.locator("main :is(table, figure)").first.wait_for()
 
 
 def test_parts_are_reached_by_their_names_and_back(open_report: Open, headline: str) -> None:
@@ -106,13 +127,27 @@ def test_parts_are_reached_by_their_names_and_back(open_report: Open, headline: 
     visitor.sees(headline)
 
 
-@pytest.mark.parametrize("place", ["verdict", "space", "sizes", "angles"])
-def test_it_fits_a_phone(open_report: Open, place: str) -> None:
-    visitor = open_report(f"#/jobs/report/{place}", viewport={"width": 390, "height": 844})
-    visitor.page.wait_for_selector("nav.tabs")
-    assert visitor.page.evaluate(TOO_WIDE) <= 0
-    if place == "verdict":
-        assert visitor.page.locator(".table").first.evaluate("it => it.scrollWidth - it.clientWidth") <= 0
+def test_it_fits_a_phone(open_report: Open) -> None:
+    visitor = open_report(viewport={"width": 390, "height": 844})
+    for title in (READ[0], "In space", *READ[1:]):
+        visitor.follow(title)
+        visitor.page.locator("nav.tabs [aria-current]", has_text=title).wait_for()
+        visitor.page.locator("main :is(table, figure, .playback)").first.wait_for()
+        assert visitor.page.evaluate(TOO_WIDE) <= 0, title
+        if title == READ[0]:
+            assert visitor.page.locator(".table").first.evaluate("it => it.scrollWidth - it.clientWidth") <= 0
+
+
+def test_models_are_printed_on_light_paper(open_report: Open) -> None:
+    visitor = open_report(color_scheme="dark")
+    visitor.page.locator(".picture .apart").wait_for()  # both models are there
+    printed = visitor.page.pdf(format="A4")
+    (found,) = IMAGE.finditer(printed)
+    width, height, size = map(int, found.groups())
+    content = zlib.decompress(printed[found.end() : found.end() + size])
+    pixels = np.frombuffer(content, np.uint8).reshape(height, width, 3)
+    assert tuple(pixels[0, 0]) == PAPER
+    assert np.mean(np.any(pixels != pixels[0, 0], axis=2)) > DRAWN
 
 
 def test_without_javascript_the_summary_is_read(open_report: Open, headline: str) -> None:

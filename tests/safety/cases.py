@@ -94,7 +94,7 @@ CASES = (
     Case("discover", ("discover S02.yaml --out discover",), subject="hidden"),
     Case("demo_discover", ("demo --discover --out demo",), costly=True),
     Case("dynamics_scaled", ("dynamics S01.yaml --start MB --out dynamics",), "forces"),
-    Case("discover_forces", ("discover S01.yaml --start none --out discover",), "forces"),
+    Case("discover_forces", ("discover S01.yaml --start none --out discover",), "forces", costly=True),
     Case(
         "puchaud2019",
         ("reproduce puchaud2019 --subjects 7 --frames 20 --workers 2 --out study",),

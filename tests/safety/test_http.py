@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pytest
 import requests
 
 from tests.safety.comparing import compare, tell_differences
@@ -27,6 +28,7 @@ WRITTEN = "scale/MB_am/"
 PATIENCE_S = 600.0
 
 
+@pytest.mark.costly
 def test_a_scaling_over_http_is_that_of_the_command_line(tmp_path: Path) -> None:
     unpack_subject("leg", tmp_path)
     stored = load_snapshot("scale")

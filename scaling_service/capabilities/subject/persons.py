@@ -36,11 +36,12 @@ def select_person(trial: _AnyTrial, marker_map: Mapping[str, str]) -> _AnyTrial:
     theirs: dict[str, dict[str, str]] = {}
     for label in trial.labels:
         theirs.setdefault(label.rpartition(":")[0], {})[markers.strip_prefix(label)] = label
+    several = {prefix: labels for prefix, labels in theirs.items() if len(labels) >= SHARED}
     persons = {
         prefix: labels
-        for prefix, labels in theirs.items()
+        for prefix, labels in several.items()
         if any(
-            len(labels.keys() & more.keys()) >= SHARED for other, more in theirs.items() if other != prefix
+            len(labels.keys() & more.keys()) >= SHARED for other, more in several.items() if other != prefix
         )
     }
     if not persons:

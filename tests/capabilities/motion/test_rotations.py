@@ -252,6 +252,7 @@ def test_bands_cover_noise_of_sensors(truth: Truth, tmp_path: Path, seed: int) -
     assert COVERED[0] < count_covered(ik(truth.model, [walking], standing=standing), truth) < COVERED[1]
 
 
+@pytest.mark.costly
 def test_bands_cover_mountings_that_are_off(truth: Truth, tmp_path: Path) -> None:
     """A constant error is one draw a coordinate, however many frames: several are taken together."""
     covered = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from scaling_service.files.trc import write_trc
 from tests.jobs.recorded import imaged_walker_document
 from tests.peers.opensim_ik import run_opensim_ik
 
-pytest.importorskip("opensim")
+pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
 ATOL = 1e-4  # m, of every frame's root mean square
 HELD = 5e-4  # m, of a frame in which one marker hardly shows a foot, which its joints' ranges hold here

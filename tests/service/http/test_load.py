@@ -136,6 +136,7 @@ def crowded(url: str, n_clients: int, n_jobs: int, seconds: float) -> tuple[floa
     return float(np.percentile(crowd.times, 99)), float(np.percentile(probe.times, 99))
 
 
+@pytest.mark.costly
 def test_a_few_clients_and_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with server(tmp_path / "data", monkeypatch) as (_, url):
         status, bare = crowded(url, n_clients=10, n_jobs=30, seconds=0.1)

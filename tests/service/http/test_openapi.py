@@ -26,6 +26,7 @@ def operations(served: Served) -> dict[tuple[str, str], dict[str, Any]]:
     return {(m.upper(), path): op for path, ops in document["paths"].items() for m, op in ops.items()}
 
 
+@pytest.mark.costly
 def test_examples_run_as_they_stand_and_results_follow_their_schemas(served: Served, tmp_path: Path) -> None:
     client = served.client()
     found = operations(served)

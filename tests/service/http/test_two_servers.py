@@ -58,6 +58,7 @@ def cluster(tmp_path: Path) -> Iterator[str]:
         yield address
 
 
+@pytest.mark.costly
 def test_a_cohort_on_two_servers_of_which_one_is_killed(
     cluster: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

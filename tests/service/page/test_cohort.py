@@ -38,7 +38,7 @@ def test_a_folder_becomes_a_cohort(visit: Visit, url: str, tmp_path: Path) -> No
     visitor.go()
     page.get_by_label("Choose a folder").set_input_files(str(folder))
     visitor.sees("2 subjects brought in.")
-    for method in ("MB_lam", "MB_am", "EB", "EB_am"):
+    for method in ("MB_lam", "MB_am", "EB", "EB_am", "MAP"):
         page.get_by_role("checkbox", name=method, exact=True).uncheck()
     visitor.press("Compare the cohort")
     visitor.sees("How every subject ended")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.service.page.conftest import Visit
 from tests.service.page.visitor import Visitor
 
@@ -15,6 +17,7 @@ _FOCUSED = """() => {
 }"""
 
 
+@pytest.mark.costly
 def test_a_tour_by_keyboard_alone(visit: Visit, url: str) -> None:
     visitor = visit(url)
     visitor.go()

@@ -16,8 +16,7 @@ from tests.service.page.visitor import Visitor
 
 
 def test_corrected_labels_are_kept_for_the_laboratory(visit: Visit, url: str, tmp_path: Path) -> None:
-    bring(visit, url, recording(url, tmp_path), "first")
-    visitor = bring(visit, url, tmp_path / "standing.trc", "first_again")
+    visitor = bring(visit, url, recording(url, tmp_path), "first")
     page = visitor.page
     row = page.get_by_role("row").filter(has=page.get_by_role("rowheader", name="RASIS", exact=True))
     row.get_by_label("Label of RASIS").select_option("q7")  # as somebody who slipped

@@ -11,6 +11,7 @@ CHROMIUM = Path("/usr/bin/chromium")
 ARGUMENTS = [
     "--no-sandbox",
     "--enable-unsafe-swiftshader",  # WebGL without a graphics card
+    "--disable-gpu-rasterization",  # which Debian asks for: a processor draws faster without
     "--disable-quic",
     "--no-first-run",
     "--disable-background-networking",

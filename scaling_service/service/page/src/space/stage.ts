@@ -60,6 +60,7 @@ export class Stage {
     this.look(new Vector3(0, 0.85, 0), 1.8, 1.2);
     this.paint(theme());
     onTheme((chosen) => this.paint(chosen), signal);
+    addEventListener("beforeprint", () => this.drawNow(), { signal });
     const resizing = new ResizeObserver(() => this.resize());
     resizing.observe(this.element);
     signal.addEventListener("abort", () => {

@@ -26,9 +26,9 @@ export const HEAT_LIGHT = ["#ffffff", "#fde3a7", "#e08214", "#7f2704"];
 export const HEAT_DARK = ["#101418", "#4a2c12", "#c06a10", "#fde3a7"];
 
 /** Of the story of a search: before, after, what noise leaves, what a black box reaches. */
-export const BEFORE = "#E69F00";
+export const BEFORE = "#996633";
 export const AFTER = "#0072B2";
-export const FLOOR = "#9aa5b1";
+export const FLOOR = "#8492a0";
 export const CEILING = "#009E73";
 export const TRIED = "#CC79A7";
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,29 +36,6 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}; set SCALING_SERVICE_DATA")
     return folder
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _keep_opensim_loaded() -> Iterator[None]:
-    """OpenSim answers in forks of one process that has loaded it, unless a test changed what is loaded.
-
-    A fresh one for each request would spend nine tenths of its time in loading; that both answer alike is
-    asked in ``files/osim/test_osim_process.py``.
-    """
-    from scaling_service.files.osim import models
-    from tests.peers import warm
-
-    fresh, path = models.work, os.environ.get("PYTHONPATH")
-
-    def work(
-        request: Mapping[str, Any], scratch: str, time_limit_s: float
-    ) -> subprocess.CompletedProcess[str]:
-        changed = os.environ.get("PYTHONPATH") != path or time_limit_s < models.TIME_LIMIT_S
-        return (fresh if changed else warm.work)(request, scratch, time_limit_s)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(models, "work", work)
-        yield
 
 
 @pytest.fixture(scope="session")

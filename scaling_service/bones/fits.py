@@ -185,8 +185,10 @@ def _find_peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> l
     """Where the votes are densest over position and radius, the best first, apart from each other."""
     inwards = surface.normals if hollow else -surface.normals
     tried = np.arange(radii[0], radii[1] + 1e-9, _RADIUS_STEP_M)
+    ends = np.concatenate([surface.smooth + radius * inwards for radius in (tried[0], tried[-1])])
     low = surface.smooth.min(axis=0) - radii[1]
-    shape = tuple(np.ceil((np.ptp(surface.smooth, axis=0) + 2 * radii[1]) / _CELL_M).astype(int) + 1)
+    low += _CELL_M * np.floor((ends.min(axis=0) - low) / _CELL_M)
+    shape = tuple(((ends.max(axis=0) - low) / _CELL_M).astype(int) + 1)
     best = np.zeros(shape)
     best_radius = np.zeros(shape)
     for radius in tried:
@@ -210,9 +212,10 @@ def _add_neighbours(votes: Array) -> Array:
     """Of every cell its own votes and those of the 26 around it."""
     for axis in range(votes.ndim):
         own = np.moveaxis(votes, axis, 0)
-        votes = votes.copy()
+        votes = np.empty_like(votes)
         total = np.moveaxis(votes, axis, 0)
-        total[1:] += own[:-1]
+        total[0] = own[0]
+        np.add(own[1:], own[:-1], out=total[1:])
         total[:-1] += own[1:]
     return votes
 

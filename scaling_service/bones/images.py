@@ -81,7 +81,8 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     """Bones from a file each, or from a segmentation.
 
     ``paths``: bone to file, or ``segmentation`` to a label map or a folder of masks or surfaces. ``unit``: of
-    surfaces, ``mm``, ``cm`` or ``m``; found by their size unless given. A label map has its own. Raises
+    surfaces, ``mm``, ``cm`` or ``m``; found by their size unless given. A label map has its own. Corners that
+    files repeat in every face are one. Raises
     InputError: a file cannot be read; MeshRefused: a segmentation has no bone of ours, or does not tell its
     sides.
     """
@@ -111,7 +112,7 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     if unit is None and loose:
         unit = find_unit({name: float(np.ptp(v, axis=0).max()) for name, (v, _) in loose.items()})
     unit = unit or "mm"
-    scaled = {name: (UNITS[unit] * v, f) for name, (v, f) in loose.items()}
+    scaled = {name: merge_vertices(UNITS[unit] * v, f) for name, (v, f) in loose.items()}
     return ImagedBones(
         meshes=measured | scaled,
         unit=unit,

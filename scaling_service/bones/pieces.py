@@ -72,6 +72,8 @@ def sort_pieces(surface: Surface) -> tuple[list[int], list[int]]:
     """Numbers of the shells inside the largest one, and of those outside it."""
     inner: list[int] = []
     outer: list[int] = []
+    if not surface.shell.any():
+        return inner, outer
     main = surface.shell == 0
     tree = cKDTree(surface.smooth[main])
     normals = surface.normals[main]

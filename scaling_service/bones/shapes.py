@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 _MAX_STEPS = 50  # chosen: Gauss-Newton needs 5 to 10 on real bones
 _OPEN = float(np.finfo(float).eps)  # share of the largest eigenvalue that is rounding, times the unknowns
-_RELATIVE_STEP = 1e-12  # chosen: a step below this share of the radius changes nothing that can be printed
+_RELATIVE_STEP = 1e-8  # chosen: a step below this share of the radius changes nothing that can be printed
 
 
 @dataclass(frozen=True, slots=True)

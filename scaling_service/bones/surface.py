@@ -159,7 +159,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         R_image_own=axes,
         noise=noise,
         edge=edge,
-        rims=edges.find_rims(points, triangles),
+        rims=edges.find_rims(points, triangles) if open_share else edges.Rims(),
         notes=tuple(notes),
     )
 

@@ -142,7 +142,12 @@ def compile_model(model: body.BodyModel, markers: Sequence[str] | None = None) -
 
     Raises KeyError: a marker that the model does not have.
     """
-    return _compile_cached(_Same(model), tuple(model.marker_names if markers is None else markers))
+    return compile_points(model, model.markers if markers is None else [model.marker(m) for m in markers])
+
+
+def compile_points(model: body.BodyModel, points: Sequence[body.Marker]) -> tree.Tree:
+    """The same with any points in place of the model's markers."""
+    return _compile_cached(_Same(model), tuple(points))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,9 +164,8 @@ class _Same:
 
 
 @lru_cache(maxsize=_KEPT)
-def _compile_cached(same: _Same, markers: tuple[str, ...]) -> tree.Tree:
+def _compile_cached(same: _Same, chosen: tuple[body.Marker, ...]) -> tree.Tree:
     model = same.model
-    chosen = [model.marker(name) for name in markers]
     index = _Index(model)
     wanted = {m.segment for m in chosen}
     needed = set(wanted)

@@ -6,7 +6,7 @@ kernels that do the same for thousands of frames at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import GROUND, BodyModel, Joint, Marker, Vector
-from scaling_service.model.compile import compile_model, evaluate_law, list_parameter_values
+from scaling_service.model.compile import compile_points, evaluate_law, list_parameter_values
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import pose_markers
 
@@ -103,7 +103,7 @@ def pose_segments(model: BodyModel, q: Array) -> Array:
         for segment in model.segments
         for k, corner in enumerate(_CORNERS)
     )
-    placed = _in_blocks(_make_placing(model.with_markers(points)), q)
+    placed = _place_known(model, points, q)
     corners = placed.reshape(len(q), len(model.segments), 4, 3)
     origins = corners[:, :, 0]
     R_ground_segment = np.swapaxes(corners[:, :, 1:] - origins[:, :, None], 2, 3)
@@ -119,15 +119,19 @@ def place_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
     """Model markers in ground, (n_frames, n_names, 3), m; NaN for names that the model does not have."""
     have = [name for name in names if name in model.marker_names]
     result = np.full((len(q), len(names), 3), np.nan)
-    if have:
-        carrier = model.with_markers(tuple(model.marker(name) for name in have))
-        result[:, [names.index(name) for name in have]] = _in_blocks(_make_placing(carrier), q)
-        enters = _list_coordinates(model)
-        for marker in carrier.markers:
-            own = {c for law in marker.laws for c in law.coordinates}
-            lost = _find_unknown(model, q, own | enters[marker.segment])
-            result[lost, names.index(marker.name)] = np.nan
+    points = tuple(model.marker(name) for name in have)
+    result[:, [names.index(name) for name in have]] = place_points(model, points, q)
     return result
+
+
+def place_points(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
+    """Points of a model's segments in ground, (n_frames, n_points, 3), m; NaN where they are not known."""
+    placed = _place_known(model, points, q)
+    enters = _list_coordinates(model)
+    for k, point in enumerate(points):
+        own = {c for law in point.laws for c in law.coordinates}
+        placed[_find_unknown(model, q, own | enters[point.segment]), k] = np.nan
+    return placed
 
 
 def sweep_coordinates(model: BodyModel, steps: int) -> dict[str, Array]:
@@ -165,11 +169,11 @@ def _find_unknown(model: BodyModel, q: Array, names: set[str]) -> NDArray[np.boo
     return np.asarray(np.isnan(q[:, columns]).any(axis=1))
 
 
-def _make_placing(model: BodyModel) -> Callable[[Array], Array]:
-    tree, p = compile_model(model), list_parameter_values(model)
-    # One unknown angle would make all of a frame unknown: any value stands in, and is taken out again.
-    return lambda q: pose_markers(tree, np.nan_to_num(q, nan=0.0), p)
-
-
-def _in_blocks(place: Callable[[Array], Array], q: Array) -> Array:
-    return np.concatenate([place(q[k : k + _BLOCK]) for k in range(0, len(q), _BLOCK)])
+def _place_known(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
+    """Points as if all were known: any value stands in for an unknown angle."""
+    placed = np.empty((len(q), len(points), 3))
+    if points:
+        tree, p = compile_points(model, points), list_parameter_values(model)
+        for rows in (slice(k, k + _BLOCK) for k in range(0, len(q), _BLOCK)):
+            placed[rows] = pose_markers(tree, np.nan_to_num(q[rows], nan=0.0), p)
+    return placed

@@ -95,7 +95,7 @@ class Report:
             "name": self.name,
             "document": self.document.model_dump(mode="json"),
             "files": {
-                name: base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+                name: base64.b64encode(gzip.compress(content, 6, mtime=0)).decode()
                 for name, content in self.files.items()
             },
             "beside": [self.name, *self.beside],

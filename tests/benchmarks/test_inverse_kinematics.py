@@ -39,7 +39,10 @@ MOST_WALK_S = 12e-3
 
 FIXED_COST = (
     "Some 13 steps of about 200 NumPy calls each, whatever the number of frames: seven for the 18 that "
-    "begin, five for all, one made again. Ask for a better first guess or a compiled sweep."
+    "begin, five for all, one made again. A compiled sweep alone is not enough: of 42 ms, 15 are outside of "
+    "the sweeps (what frames determine, other ways to write angles, ranges, the first guess). Numba "
+    "eliminates in 0.17 ms what NumPy does in 0.71 to 0.87, and takes 0.4 s of CPU in every process to start "
+    "from its cache."
 )
 SHORT = (
     "Measured at 151 frames: 73 to 77 us per frame, 26 to 28 times faster than the solver and 60 times "

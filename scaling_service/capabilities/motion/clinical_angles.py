@@ -102,9 +102,8 @@ def track_landmarks(
     for k, name in enumerate(model.coordinate_names):
         if name in motion.estimated:
             q[:, k] = motion.column(name)
-    names = tuple(placed)
-    where = posing.place_markers(model.with_markers(tuple(placed.values())), names, q)
-    return {name: where[:, k] for k, name in enumerate(names)}
+    where = posing.place_points(model, tuple(placed.values()), q)
+    return {name: where[:, k] for k, name in enumerate(placed)}
 
 
 def tilt_is_seen(model: body.BodyModel, motion: Motion) -> bool:

@@ -64,9 +64,7 @@ def build_surfaces(
     for name in model.segment_names:
         if name in bones:
             bone = bones[name]
-            mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
-            mesh.merge_vertices()
-            found[name], shapes[name] = mesh, "image"
+            found[name], shapes[name] = trimesh.Trimesh(bone.vertices, bone.faces, process=False), "image"
         elif (simple := make_simple_shape(_list_points(model, name))) is not None:
             found[name], shapes[name] = simple, "simple"
         else:

@@ -193,7 +193,6 @@ def write_bones(folder: Path, calibration: Calibration, bones: abc.Mapping[str, 
     frames, scene = pose_neutral_frames(calibration.model), trimesh.Scene()
     for name, bone in local.items():
         mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
-        mesh.merge_vertices()  # one corner where several fall together, as smooth shading asks
         mesh.visual = ColorVisuals(mesh, face_colors=COLOUR)
         (folder / writing.BONES / f"{name}.stl").write_bytes(export_stl(mesh))
         transform = np.eye(4)

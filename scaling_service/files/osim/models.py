@@ -1,7 +1,12 @@
-"""OpenSim models in and out, as body models: the opensim library works in another process, asked in JSON."""
+"""OpenSim models in and out, as body models: the opensim library works in another process, asked in JSON.
+
+That process loads the library once and answers every request in a fork of itself, so that a crash, or what
+OpenSim keeps in mind, ends with the request.
+"""
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import re
@@ -9,9 +14,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -51,35 +59,23 @@ def read_vertical(path: Path) -> int:
 
 
 def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> dict[str, Any]:
-    """Send one request to a fresh worker and return its answer.
+    """Send one request to a worker and return its answer.
 
     ``request``: JSON-ready; ``file`` names the file that an unexplained failure is blamed on. Raises
     DependencyMissing if opensim is not installed. Raises FileUnreadable if OpenSim cannot read the file,
     crashes on it or takes too long. Raises ModelRefused if the model holds a component that cannot be
     represented.
     """
-    with tempfile.TemporaryDirectory(prefix="osim-") as scratch:
-        try:
-            done = work(request, scratch, time_limit_s)
-        except subprocess.TimeoutExpired as error:
-            raise FileUnreadable(
-                f"OpenSim gave no answer within {time_limit_s:g} s",
-                file=request.get("file"),
-                remedy="Open the file in OpenSim itself to see where it hangs",
-            ) from error
-    try:
-        answer: dict[str, Any] = json.loads(done.stdout)
-    except ValueError:
-        if done.returncode < 0:
-            ending = signal.Signals(-done.returncode).name
-        else:
-            lines = done.stderr.strip().splitlines()
-            ending = f"exit {done.returncode}: {lines[-1]}" if lines else f"exit {done.returncode}"
-        raise FileUnreadable(
-            f"OpenSim ended without an answer ({ending})",
-            file=request.get("file"),
-            remedy="Open the file in OpenSim itself to see whether it is sound",
-        ) from None
+    with tempfile.TemporaryDirectory(prefix="osim-", ignore_cleanup_errors=True) as scratch:
+        began = time.monotonic()
+        reply = _stand_by(os.getpid()).carry_out(request, scratch, time_limit_s)
+    if "answer" not in reply:
+        said, why = f"ended without an answer ({reply['ended']})", "whether it is sound"
+        if time.monotonic() - began >= time_limit_s:
+            said, why = f"gave no answer within {time_limit_s:g} s", "where it hangs"
+        remedy = f"Open the file in OpenSim itself to see {why}"
+        raise FileUnreadable(f"OpenSim {said}", file=request.get("file"), remedy=remedy)
+    answer: dict[str, Any] = reply["answer"]
     if "error" in answer:
         raise _make_error(answer["error"], request)
     return answer
@@ -94,19 +90,64 @@ def _make_error(problem: Mapping[str, Any], request: Mapping[str, Any]) -> Input
     )
 
 
-def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
-    """Start a worker in a scratch folder; its answer, or how it ended without one."""
-    return subprocess.run(
+@dataclass(slots=True, eq=False)
+class _Worker:
+    """A process that carries out one request after another; it starts with the first, and anew if it died.
+
+    ``owner``: the process that asks; what is forked from it has a worker of its own.
+    """
+
+    owner: int
+    process: subprocess.Popen[str] | None = None
+    turn: threading.Lock = field(default_factory=threading.Lock)
+
+    def carry_out(self, request: Mapping[str, Any], scratch: str, time_limit_s: float) -> dict[str, Any]:
+        """The ``answer`` to a request that is carried out in a folder, or how it ``ended`` without one."""
+        with self.turn:
+            if self.process is None or self.process.poll() is not None:
+                self.process = _start_process(scratch)
+            process = self.process
+            assert process.stdin is not None
+            assert process.stdout is not None
+            clock = threading.Timer(time_limit_s, process.kill)
+            clock.start()
+            try:
+                asked = {"request": dict(request), "scratch": scratch, "time_limit_s": time_limit_s}
+                with suppress(BrokenPipeError):  # it has died, and says nothing
+                    process.stdin.write(json.dumps(asked) + "\n")
+                    process.stdin.flush()
+                line = process.stdout.readline()
+            except BaseException:
+                process.kill()  # or the next request would get this one's answer
+                raise
+            finally:
+                clock.cancel()
+            reply: dict[str, Any] = json.loads(line) if line.endswith("\n") else {"ended": process.wait()}
+        if isinstance(code := reply.get("ended"), int):
+            reply["ended"] = signal.Signals(-code).name if code < 0 else f"exit {code}"
+        return reply
+
+
+_stand_by = lru_cache(maxsize=2)(_Worker)
+
+
+def _start_process(folder: str) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
         [sys.executable, "-m", _WORKER],
-        input=json.dumps(request),
-        capture_output=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
         encoding="utf-8",
-        errors="replace",
-        cwd=scratch,
+        cwd=folder,
         env=make_environment(),
-        timeout=time_limit_s,
-        check=False,
     )
+
+    def end() -> None:
+        process.kill()
+        process.communicate()
+
+    atexit.register(end)
+    return process
 
 
 def make_environment() -> dict[str, str]:

@@ -1,15 +1,17 @@
-"""The worker process: one JSON request on standard input, one JSON answer on standard output.
+"""The worker process: JSON requests on standard input, one a line, their JSON replies on standard output.
 
-Started as ``python -m scaling_service.files.osim.worker`` in a scratch directory of its own. Models travel as
-documents (see ``model.document``).
+Started as ``python -m scaling_service.files.osim.worker``; every request names a scratch directory of its
+own. Models travel as documents (see ``model.document``).
 """
 
 from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -63,14 +65,48 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
         return {"error": {"kind": type(error).__name__, **described}}
 
 
+def _carry_out(asked: dict[str, Any]) -> str:
+    """The reply to a request, as JSON."""
+    os.chdir(asked["scratch"])
+    try:
+        return json.dumps({"answer": answer(asked["request"])})
+    except Exception as error:  # noqa: BLE001 (whatever it is, who asked is to hear of it)
+        return json.dumps({"ended": f"{type(error).__name__}: {error}"})
+
+
+def _fork(asked: dict[str, Any]) -> str:
+    """The same by a fork of this process."""
+    theirs, ours = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            signal.setitimer(signal.ITIMER_REAL, asked["time_limit_s"])
+            with os.fdopen(ours, "w", encoding="utf-8") as out:
+                out.write(_carry_out(asked))
+        finally:
+            os._exit(0)
+    os.close(ours)
+    with os.fdopen(theirs, encoding="utf-8") as sent:
+        reply = sent.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    return json.dumps({"ended": code}) if code else reply
+
+
 def main() -> None:
-    """Read the request, keep OpenSim's own printing off standard output, write the answer."""
-    request = json.loads(sys.stdin.read())
-    reply = os.dup(1)
-    os.dup2(2, 1)
-    text = json.dumps(answer(request))
-    with os.fdopen(reply, "w", encoding="utf-8") as out:
-        out.write(text)
+    """Answer requests until there are no more, or one where the system has no forks.
+
+    OpenSim is kept from printing to standard output.
+    """
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as replies:
+        os.dup2(2, 1)
+        with suppress(Exception):  # the answers say so
+            library.import_opensim()
+        for line in sys.stdin:
+            forks = hasattr(os, "fork")
+            replies.write((_fork if forks else _carry_out)(json.loads(line)) + "\n")
+            replies.flush()
+            if not forks:
+                break
 
 
 if __name__ == "__main__":

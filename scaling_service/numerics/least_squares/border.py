@@ -7,6 +7,7 @@ the parameters have theirs, so that one unruly frame does not slow the others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +17,9 @@ from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import Problem
 from scaling_service.numerics.multibody import tree
 
-_KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
+_KEEP = (
+    2**24
+)  # doubles of blocks kept in memory (256 MiB with what is eliminated); beyond, they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
 _BLOCK_RIDGE = 1e-14  # the same within a frame, small enough not to hide a free combination of parameters
 
@@ -51,21 +54,29 @@ class Eliminated:
     gain: Array  # (n,), decrease of each frame's cost that free_step promises
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Border:
     """What is left for the parameters, in normalised units: curvature (np, np) and slope (np,).
 
-    ``gains`` (n_frames,) is what the coordinates alone promise of each frame's cost.
+    ``gains`` (n_frames,) is what the coordinates alone promise of each frame's cost. ``blocks`` and ``kept``:
+    what it was made from; empty where that takes too much memory.
     """
 
     curvature: Array
     slope: Array
     gains: Array
+    blocks: list[_Block] = field(default_factory=list)
     kept: list[Eliminated] = field(default_factory=list)
 
 
 def linearise(
-    problem: Problem, q: Array, p: Array, p0: Array, damping: Array, pins: Array | None = None
+    problem: Problem,
+    q: Array,
+    p: Array,
+    p0: Array,
+    damping: Array,
+    pins: Array | None = None,
+    made: Sequence[_Block] = (),
 ) -> Border:
     """Eliminate the coordinates of all frames around a motion and parameters.
 
@@ -74,14 +85,16 @@ def linearise(
     ``damping`` (n_frames,): share of the coordinates' curvature in each frame.
     ``pins`` (n_frames, n_free_coordinates): steps that are given; NaN where a coordinate is free. Coordinates
         that the residuals push beyond a bound at which they are do not move in any case.
+    ``made``: the blocks of an earlier border around the same; none if they were not kept.
     """
     count = len(problem.parameters)
     change = (p - p0)[problem.parameters] * problem.scale
     prior = np.diag(problem.prior_weight * problem.scale**2)
-    border = Border(prior, -problem.prior_weight * change, np.zeros(problem.n_frames))
+    slope, gains = -problem.prior_weight * change, np.zeros(problem.n_frames)
+    border = Border(curvature=prior, slope=slope, gains=gains)
     keep = problem.n_frames * len(problem.coordinates) * (count + 1) <= _KEEP
-    for rows in problem.blocks():
-        block = _make_block(problem, q, p, rows)
+    for k, rows in enumerate(problem.blocks()):
+        block = made[k] if made else _make_block(problem, q, p, rows)
         eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
         # Sum over frames of `left^T right`, both (n, nq, np)
         n, nq, count = block.cross.shape
@@ -91,6 +104,7 @@ def linearise(
         border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
         border.gains[rows] = eliminated.gain
         if keep:
+            border.blocks.append(block)
             border.kept.append(eliminated)
     return border
 
@@ -120,16 +134,13 @@ def compute_step(
     """
     border = linearise(problem, q, p, p0, damping.frames)
     trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, None)
-    # The way to the bound for coordinates that a step carries past it, NaN for the others
     free = problem.coordinates
     lower, upper = (bound[free] for bound in problem.coordinate_bounds)
     beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
-    if not beyond.any():
-        pins = None
-    else:
+    if beyond.any():
+        # The way to the bound for coordinates that a step carries past it, NaN for the others
         pins = np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
-    if pins is not None:
-        border = linearise(problem, q, p, p0, damping.frames, pins)
+        border = linearise(problem, q, p, p0, damping.frames, pins, border.blocks)
         trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
     return (*problem.clip(trial_q, trial_p), promised, border.gains)
 

@@ -113,10 +113,10 @@ class Whitening:
         result = np.empty((n, count, self._count))
         for part in self.parts:
             rotation = axes[link[part.group.markers[0]]]
-            local = np.einsum("jan,vman->nvmj", rotation, vectors[:, part.group.markers], optimize=True)
-            flat = local.reshape(n, count, -1)
+            flat = np.einsum("jan,vman->nvmj", rotation, vectors[:, part.group.markers]).reshape(n, count, -1)
+            alone = len(part.roots) == 1  # the frames need no choice, which copies them
             for pattern, root in enumerate(part.roots):
-                rows = np.flatnonzero(part.of_frame == pattern)
+                rows = slice(None) if alone else np.flatnonzero(part.of_frame == pattern)
                 result[rows, :, part.columns] = flat[rows] @ root.T
         result *= self._root[:, None, None]
         return result

@@ -77,6 +77,28 @@ class Tree:
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))
 
     @cached_property
+    def marker_shifts(self) -> Array:
+        """How parameters alone move markers in their links, per unit, (n_markers, 3, n_parameters)."""
+        shifts = np.zeros((self.n_markers, 3, self.n_parameters))
+        for item in self.marker_terms:
+            if item.term.factor == laws.NONE:
+                shifts[item.marker, :, item.term.parameter] += item.term.gain
+        return shifts
+
+    @cached_property
+    def gliding(self) -> tuple[MarkerTerm, ...]:
+        """The terms of markers that coordinates enter."""
+        return tuple(item for item in self.marker_terms if item.term.factor != laws.NONE)
+
+    @cached_property
+    def glides(self) -> Array:
+        """How these move markers in their links, per unit, (n_markers, 3, n_gliding)."""
+        glides = np.zeros((self.n_markers, 3, len(self.gliding)))
+        for k, item in enumerate(self.gliding):
+            glides[item.marker, :, k] = item.term.gain
+        return glides
+
+    @cached_property
     def marker_parameters(self) -> dict[int, tuple[int, laws.TermArrays]]:
         """Parameters that enter one term of one marker and nothing else: the marker and the term."""
         found: dict[int, tuple[int, laws.TermArrays]] = {}
@@ -210,18 +232,15 @@ def evaluate_local_positions(tree: Tree, p: Array) -> Array:
 
 def place_tree_markers(tree: Tree, poses: Poses) -> Array:
     """Marker positions in ground, shape (n_markers, 3, n_frames), m; of directions where they point."""
-    n = poses.frames.shape[-1]
-    result = np.empty((tree.n_markers, 3, n))
-    for k, rows in enumerate(tree.marker_rows):
-        if len(rows):
-            node = poses.plan.link_node[k]
-            spread = tree.marker_local[rows] @ poses.node_axes[node].reshape(3, -1)
-            origins = poses.node_origins[node]
-            if tree.placed is not None:
-                origins = tree.placed[rows, None, None] * origins
-            result[rows] = spread.reshape(-1, 3, n) + origins
-    for item, direction in zip(tree.marker_terms, _turn_terms(tree, poses), strict=True):
-        result[item.marker] += direction * poses.values.scalar(item.term)
+    frames = poses.frames[poses.plan.link_node[tree.marker_link]]
+    local = np.ones((tree.n_markers, 1, 4))
+    local[:, 0, :3] = tree.marker_local + tree.marker_shifts @ poses.values.p
+    if tree.placed is not None:
+        local[:, 0, 3] = tree.placed
+    result: Array = np.matmul(local, frames.reshape(tree.n_markers, 4, -1)).reshape(tree.n_markers, 3, -1)
+    if tree.gliding:
+        far = np.array([poses.values.scalar(item.term) for item in tree.gliding])
+        result += np.einsum("mjan,mjn->man", frames[:, :3], tree.glides @ far)
     return result
 
 

@@ -7,12 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
 
 from scaling_service.core.threads import use_one_thread
 from tests.finished import Demo, fill_once, make_once
 
 use_one_thread()  # numpy is not imported yet
+
+# What an example takes says nothing where other workers share the cores.
+hypothesis.settings.register_profile("shared", deadline=None)
+hypothesis.settings.load_profile("shared")
 
 # Tests start the program some hundred times: a quarter of that is compiling, where nothing of it is kept.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -81,7 +81,7 @@ def test_a_talus_gives_the_ankle() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 def test_any_pose_gives_the_same_points(seed: int) -> None:
     mesh, back = bones.turned(bones.metres(bones.femur()), np.random.default_rng(seed))
     found = find_landmarks({"femur_r": mesh})["femur_r"]

@@ -34,7 +34,7 @@ def tube(rng: np.random.Generator, n: int, point: np.ndarray, axis: np.ndarray, 
 
 
 @given(SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_sphere_of_exact_points_is_found_from_a_cap(seed: int) -> None:
     rng = np.random.default_rng(seed)
     centre, radius = rng.normal(size=3) * 100, rng.uniform(0.5, 50)
@@ -57,7 +57,7 @@ def test_the_geometric_fit_is_less_biased_than_the_algebraic_one() -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_sphere_is_that_of_a_general_solver(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = cap(rng, 60, np.array([1.0, 2.0, 3.0]), 0.5) + rng.normal(0, 0.005, (60, 3))
@@ -89,7 +89,7 @@ def test_too_few_points_are_an_error() -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_cylinder_of_exact_points_is_found_from_a_rough_axis(seed: int) -> None:
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
@@ -106,7 +106,7 @@ def test_a_cylinder_of_exact_points_is_found_from_a_rough_axis(seed: int) -> Non
 
 
 @given(SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_cylinder_is_where_no_small_move_is_better(seed: int) -> None:
     rng = np.random.default_rng(seed)
     axis = np.array([0.0, 0.0, 1.0])

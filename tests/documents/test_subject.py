@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, SubjectInvalid
@@ -215,7 +215,6 @@ def test_an_unknown_key_inside_a_list_of_a_free_key_names_its_neighbours() -> No
     assert caught.value.remedy == "Did you mean 'labels'?"
 
 
-@settings(deadline=None)
 @given(content=st.dictionaries(_KEYS, _CONTENT))
 def test_whatever_is_given_is_a_document_or_an_input_error(content: dict[str, Any]) -> None:
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import linregress
 
@@ -98,7 +98,6 @@ def test_intervals_cover_the_share() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 1000.0), st.floats(-1000.0, 1000.0))
-@settings(deadline=None)
 def test_units_and_zero_do_not_matter_to_correlations(seed: int, factor: float, shift: float) -> None:
     table = np.random.default_rng(seed).normal(size=(8, 3))
     for ours, moved in zip(

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import friedmanchisquare, norm
@@ -76,7 +76,6 @@ def test_pairs_follow_the_range_of_normal_variables() -> None:
 
 
 @given(st.integers(3, 6), st.integers(3, 30), st.integers(0, 2**32 - 1))
-@settings(deadline=None)
 def test_friedman_agrees_with_scipy(k: int, n: int, seed: int) -> None:
     table = np.random.default_rng(seed).integers(0, 6, size=(n, k)).astype(float)
     if (np.ptp(table, axis=1) == 0).all():

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -74,7 +74,6 @@ def test_no_tracking_marker_has_no_mean() -> None:
 _GAPS = arrays(np.float64, (6, 3, 3), elements=st.floats(-0.05, 0.05))
 
 
-@settings(deadline=None)
 @given(gaps=_GAPS, seen=arrays(np.bool_, (6, 3)))
 def test_mean_rms_and_maximum_are_in_order(gaps: np.ndarray, seen: np.ndarray) -> None:
     seen[0, 0] = True
@@ -85,7 +84,6 @@ def test_mean_rms_and_maximum_are_in_order(gaps: np.ndarray, seen: np.ndarray) -
     assert error.n_frames == int(seen.any(axis=1).sum())
 
 
-@settings(deadline=None)
 @given(gaps=_GAPS, order=st.permutations(range(6)))
 def test_the_order_of_frames_does_not_matter(gaps: np.ndarray, order: list[int]) -> None:
     first, second = kinematic_error(motion(gaps), MODEL), kinematic_error(motion(gaps[order]), MODEL)
@@ -94,7 +92,6 @@ def test_the_order_of_frames_does_not_matter(gaps: np.ndarray, order: list[int])
     assert second.per_marker == pytest.approx(first.per_marker, abs=1e-15)
 
 
-@settings(deadline=None)
 @given(gaps=_GAPS)
 def test_a_frame_without_markers_changes_nothing(gaps: np.ndarray) -> None:
     longer = np.concatenate([gaps, np.full((1, 3, 3), np.nan)])

@@ -50,7 +50,7 @@ def test_a_straight_edge_is_crossed_where_it_is() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_ends_of_clusters_lie_on_the_threshold(seed: int) -> None:
     rng = np.random.default_rng(seed)
     first, second = smooth(rng, 8) + 1.5 * bump(40), smooth(rng, 8) + 1.5 * bump(90)
@@ -70,7 +70,6 @@ def test_ends_of_clusters_lie_on_the_threshold(seed: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 4.0))
-@settings(deadline=None)
 def test_masses_are_sums_of_runs(seed: int, threshold: float) -> None:
     curves = np.random.default_rng(seed).normal(scale=2.0, size=(6, 15))
 
@@ -90,7 +89,6 @@ def test_masses_are_sums_of_runs(seed: int, threshold: float) -> None:
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=60), st.floats(0.01, 0.99))
-@settings(deadline=None)
 def test_a_threshold_is_the_smallest_rare_value(maxima: list[int], alpha: float) -> None:
     values = np.array(maxima, dtype=float)
     found = find_critical_value(values, alpha)

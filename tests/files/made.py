@@ -14,9 +14,7 @@ from scaling_service.model.trial import Trial
 
 Read = TypeVar("Read")
 
-SHARED_FOLDER = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+SHARED_FOLDER = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def random_trial(

@@ -50,7 +50,7 @@ def test_an_unknown_marker_is_an_error() -> None:
         compile_model(leg(np.random.default_rng(0)), ("nose",))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_merging_constant_moves_moves_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -32,7 +32,7 @@ def test_runs_rebuild_the_flags(flags):
 
 
 @given(st.integers(0, 5000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_nothing_leaks_across_a_gap(seed):
     rng = np.random.default_rng(seed)
     x = rng.normal(size=(60, 2, 3))

@@ -27,7 +27,7 @@ def _case(seed, frames=5, m=6):
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_exact_motion_is_recovered_with_missing_markers(seed):
     rng, local, rotation, shift, measured = _case(seed)
     measured[rng.random(measured.shape[:2]) < 0.3] = np.nan
@@ -106,7 +106,7 @@ def test_wrong_input_is_refused():
     st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 1e-3),
     st.sampled_from([0.0, 1e-12, 1e-7, 1e-5, 2e-4, 0.3, 2.0, np.pi - 1e-3, np.pi - 1e-7, np.pi]),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_vector_and_matrix_agree_with_scipy_and_each_other(axis, angle):
     v = angle * np.array(axis) / np.linalg.norm(axis)
     R = convert_vector_to_rotation(v)

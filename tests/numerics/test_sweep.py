@@ -128,7 +128,7 @@ def test_progress_counts_frames() -> None:
     assert reported == [256, 512, 600]
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=SEEDS)
 def test_moving_the_ground_changes_the_root_only(seed: int) -> None:
     this = case(17, n=3)

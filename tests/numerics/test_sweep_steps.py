@@ -25,7 +25,7 @@ ONE_STEP = SweepSettings(max_steps=2, left=0.0, step_tolerance=0.0, damping=0.0)
 TINY = 1e-10  # the share of the total weight that the sweep adds to every pivot
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS, n_segments=st.integers(1, 5))
 def test_an_undamped_step_is_the_dense_gauss_newton_step(seed: int, n_segments: int) -> None:
     rng = np.random.default_rng(seed)
@@ -85,7 +85,7 @@ def curvature_and_slope(tree: Tree, q: Array, measured: Array, weights: Array) -
     return jac.T @ (heavy[:, None] * jac) - bend, jac.T @ (heavy * gap)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS, n_segments=st.integers(1, 5))
 def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
     """Residuals are large, so that it differs from Gauss-Newton's."""

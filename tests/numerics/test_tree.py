@@ -53,7 +53,7 @@ def freed_leg(rng: np.random.Generator) -> BodyModel:
     return replace(model, parameters=tuple(moved))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=SEEDS, n_segments=st.integers(1, 6))
 def test_random_trees_stand_where_the_slow_recursion_puts_them(seed: int, n_segments: int) -> None:
     rng = np.random.default_rng(seed)
@@ -63,7 +63,7 @@ def test_random_trees_stand_where_the_slow_recursion_puts_them(seed: int, n_segm
     np.testing.assert_allclose(found, slow_batch(model, q, np.zeros(0)), rtol=0.0, atol=1e-13)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=SEEDS, n_segments=st.integers(1, 5))
 def test_jacobians_of_random_trees_equal_the_complex_step(seed: int, n_segments: int) -> None:
     rng = np.random.default_rng(seed)
@@ -75,7 +75,7 @@ def test_jacobians_of_random_trees_equal_the_complex_step(seed: int, n_segments:
     )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=SEEDS)
 def test_freed_numbers_and_coupled_joints_move_markers_as_they_should(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -122,7 +122,7 @@ def test_moving_the_ground_origin_moves_every_marker_alike() -> None:
     )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=SEEDS, n_segments=st.integers(1, 6))
 def test_positions_and_velocities_equal_pinocchios(seed: int, n_segments: int) -> None:
     pin = pytest.importorskip("pinocchio", reason="pinocchio is not installed")

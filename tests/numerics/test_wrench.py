@@ -30,7 +30,7 @@ NONE = np.zeros(0)
 SEEDS = st.integers(0, 10**6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS, n_segments=st.integers(1, 7))
 def test_joint_forces_equal_pinocchios(seed: int, n_segments: int) -> None:
     pin = pytest.importorskip("pinocchio", reason="pinocchio is not installed")

@@ -60,7 +60,7 @@ def test_short_gaps_take_the_spline_up_to_its_limit():
 
 
 @given(st.floats(30, 500))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_limit_is_in_seconds(rate):
     longest = int(np.floor(0.15 * rate + 1e-6))
     trial = _rigid()
@@ -124,7 +124,7 @@ def test_no_step_is_left_where_the_marker_comes_back():
 
 
 @given(st.integers(0, 500))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_mean_shape_of_a_rigid_cluster_with_holes_is_the_cluster(seed):
     trial = _rigid(60, seed)
     markers = trial.markers.copy()

@@ -33,7 +33,7 @@ def test_the_other_triplet_is_the_same_rotation(axes: tuple[tuple[float, float, 
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_motion_cut_into_ways_of_writing_is_joined_again(seed: int) -> None:
     rng = np.random.default_rng(seed)
     model = arm(limited=False)

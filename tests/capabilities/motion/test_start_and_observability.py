@@ -24,7 +24,7 @@ from tests.numerics.bodies import leg, leg_motion, random_tree
 NONE = np.zeros(0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_the_guess_puts_the_root_where_its_markers_are(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -110,7 +110,7 @@ def test_markers_of_weight_zero_do_not_count() -> None:
     assert not verdict(every, weights=weights)["knee"]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_the_verdict_is_that_of_the_rank(seed: int) -> None:
     """A coordinate is determined if no null vector of the Jacobian moves it."""

@@ -166,11 +166,12 @@ class White:
         )
 
     def spread_over_spots(self, base: Base, coefficients: Array) -> Array:
-        """What coefficients of columns make of every spot in every frame, (n, n_spots)."""
+        """What coefficients (n_columns, ...) make of every spot in every frame, (n, n_spots, ...)."""
         of_spot, of_profile = base.index()
-        found = np.zeros((self.columns.shape[1], len(self.gap)))
-        np.add.at(found, of_spot, coefficients[:, None] * self.look.values[of_profile])
-        return found.T
+        values = self.look.values
+        of_both = np.zeros((len(values), self.columns.shape[1], *coefficients.shape[1:]))
+        of_both[of_profile, of_spot] = coefficients
+        return np.tensordot(values, of_both, axes=(0, 0))
 
     def subtract(self, base: Base, coefficients: Array) -> Array:
         """Residuals less what coefficients of columns explain, (n, 3 m)."""

@@ -31,6 +31,7 @@ _NORMAL_95 = 1.96
 _CORRELATED = (
     0.3  # share of a residual's variance that a coordinate explains, from which it is reported (chosen)
 )
+_TOGETHER = 256  # directions that are followed at once (chosen: what a cache holds of a frame)
 _FEWEST = 5  # frames of a block that are told as a time
 
 _PARTS: Mapping[Observable, tuple[str, slice]] = {
@@ -56,18 +57,18 @@ def expect_markers(body: BodyTable) -> dict[str, Expected]:
         look = white.look
         both = (body.ordinary.common, body.ordinary.own)
         directions = np.concatenate([s.expand(len(body.base), body.levels)[0] for s in both], axis=1)
+        columns = look.columns.transpose(0, 2, 1)
         strays = [
-            np.matmul(moved[:, None], look.columns)[:, 0]
-            for coefficients in directions.T
-            if (moved := white.spread_over_spots(body.base, coefficients)).any()
+            np.matmul(columns, white.spread_over_spots(body.base, some))
+            for some in np.array_split(directions, 1 + directions.shape[1] // _TOGETHER, axis=1)
         ]
         wander = np.linalg.cholesky(look.make_covariance(body.loose))
-        strays += [np.broadcast_to(stray, look.gap.shape) for stray in wander.T]
+        strays.append(np.broadcast_to(wander, (len(look.gap), *wander.shape)))
         explained = white.spread_over_spots(body.base, body.estimate(k))
         rest = look.gap - np.matmul(explained[:, None], look.columns)[:, 0]
         ordinary, left = (
             dict(zip(look.item.markers, np.sqrt(_measure_strays(look, x)).tolist(), strict=True))
-            for x in (np.stack(strays, axis=2), rest[:, :, None])
+            for x in (np.concatenate(strays, axis=2), rest[:, :, None])
         )
         found[look.item.name] = Expected(ordinary, left)
     return found

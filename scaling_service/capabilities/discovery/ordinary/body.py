@@ -36,7 +36,7 @@ _FITTED_PLACE_M, _GENERIC_PLACE_M = 0.006, 0.015
 """Of a marker's place along an axis: where it was fitted (low: what skin leaves of it), and where it was
 taken from the generic model (a mean error of 27 mm in space: Puchaud et al. 2019, sec. 3.2)."""
 
-_RESTUCK_M = 0.0025  # of one that is stuck on again on its mark, along an axis (low)
+RESTUCK_M = 0.0025  # of one that is stuck on again on its mark, along an axis (low)
 
 _CENTRE_M = 0.008
 """Of a joint's centre in a scaled model, along an axis (low; of hips ``people.yaml`` tells it)."""
@@ -124,7 +124,7 @@ def expect_body(
         part = find_part(bone)
         rows = [base.number(MarkerSpot(m, k)) for m in markers for k in range(3)]
         ordinary.common.add(rows, place**2 * np.eye(len(rows)), f"place {part}", f"place {part}")
-        ordinary.own.add(rows, _RESTUCK_M**2 * np.eye(len(rows)), f"restuck {part}")
+        ordinary.own.add(rows, RESTUCK_M**2 * np.eye(len(rows)), f"restuck {part}")
         places = np.array([model.marker(m).nominal for m in markers])
         landmarks = [told.get(m) for m in markers]
         wandering = people.skin_covariance(bone, landmarks, places, people.loose_share)

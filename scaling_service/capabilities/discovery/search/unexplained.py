@@ -11,6 +11,7 @@ from scaling_service.capabilities.discovery.document import UnexplainedDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.ordinary.body import RESTUCK_M
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.levels import SPREAD, weigh_marker
 from scaling_service.capabilities.discovery.ordinary.sums import White
@@ -142,24 +143,26 @@ def _list_jumps(body: BodyTable) -> Iterator[tuple[float, str, str, float, float
             inverse = np.linalg.inv(np.eye(3) / _JUMP_M**2 + np.einsum("sn,nij->sij", np.square(after), each))
             gains = np.einsum("si,sij,sj->s", scores, inverse, scores) + np.linalg.slogdet(inverse)[1]
             k = int(np.argmax(gains))
-            bayes, size = _score_course(white, left, columns, after[k : k + 1])
+            step = after[k : k + 1]
+            bayes, size = _score_course(white, left, columns, step, _JUMP_M)
             if bayes > 0.0:
-                bayes -= max(_score_course(white, left, columns, slowly)[0], 0.0)
+                rivals = (slowly, _JUMP_M), (step, RESTUCK_M)
+                bayes -= max(0.0, *(_score_course(white, left, columns, *rival)[0] for rival in rivals))
             at = item.times[white.look.rows[k + 1]]
             yield bayes - math.log(len(after) * len(shown)), marker, item.name, float(at), size
 
 
-def _score_course(white: White, left: Array, columns: Array, courses: Array) -> tuple[float, float]:
+def _score_course(
+    white: White, left: Array, columns: Array, courses: Array, sd: float
+) -> tuple[float, float]:
     """Log Bayes factor of some courses (k, n) of a marker together, every marker as lively as it is.
 
-    And the size of what moves, m.
+    And the size of what moves, m. ``sd``: of each, m.
     """
     moving = (courses[:, None, :, None] * columns.transpose(1, 0, 2)).reshape(3 * len(courses), -1)
-    inverse = np.linalg.inv(np.eye(len(moving)) / _JUMP_M**2 + white.look.weight * moving @ moving.T)
+    inverse = np.linalg.inv(np.eye(len(moving)) / sd**2 + white.look.weight * moving @ moving.T)
     sizes = white.look.weight * inverse @ (moving @ left.ravel())
-    prior = 0.5 * float(np.square(sizes / _JUMP_M).sum()) - 0.5 * float(
-        np.linalg.slogdet(inverse / _JUMP_M**2)[1]
-    )
+    prior = 0.5 * float(np.square(sizes / sd).sum()) - 0.5 * float(np.linalg.slogdet(inverse / sd**2)[1])
     after = left - (sizes @ moving).reshape(left.shape)
     now, before = (math.fsum(weigh_marker(*one) for one in white.measure(x).values()) for x in (after, left))
     return now - before - prior, float(np.linalg.norm(sizes))

@@ -128,19 +128,20 @@ class People:
         """
         size = self.skin(segment)
         at_joints = [
-            self.girdle(segment, name) or self.skin_at_joints.get((name or "")[1:], 0.0) for name in landmarks
+            self.girdle_sd(segment, name) or self.skin_at_joints.get((name or "")[1:], 0.0)
+            for name in landmarks
         ]
         besides = share * np.sqrt(np.maximum(np.square(at_joints) - size.single**2, 0.0))
         return size.times(share).covariance(places, np.where(at_joints, besides, 0.0))
 
-    def girdle(self, segment: str, landmark: str | None) -> float:
+    def girdle_sd(self, segment: str, landmark: str | None) -> float:
         """How far a marker on a trunk moves with the shoulder girdle or neck that the trunk lacks, SD, m.
 
         ``landmark``: with its side; None: no landmark. 0 for what sits on the trunk itself.
 
         Examples
         --------
-        >>> [read_people().girdle(bone, "RSHO") for bone in ("torso", "scapula_r")]
+        >>> [read_people().girdle_sd(bone, "RSHO") for bone in ("torso", "scapula_r")]
         [0.025, 0.0]
         """
         if landmark is None or self.skin(segment) != self.skin(_TRUNK):

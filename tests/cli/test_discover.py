@@ -118,7 +118,7 @@ def test_what_takes_nothing_off_stands_in_no_headline(
     out = said(document.model_copy(update={"effects": [one, two]}), capsys)
     assert f"1. {one.name}" in out
     assert two.name not in out
-    alone = write_headline("found", [two], None, [], held_out=True)
+    alone = write_headline("nothing", [two], None, [], held_out=True)
     assert alone == "Ordinary for people; nothing that takes 0.5 % or more off the squared gap stands out"
 
 

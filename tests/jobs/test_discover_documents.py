@@ -66,6 +66,15 @@ def test_what_is_not_known_is_null_and_lengths_are_mm() -> None:
     assert gap["places"]["mx"]["unit"] == "N m"
 
 
+def test_what_takes_nothing_off_makes_no_verdict() -> None:
+    """Headline, verdict and tone say the same."""
+    little = written(replace(SCALE, gain=0.001))
+    assert not little["effects"][0]["carries"]
+    assert (little["verdict"], little["tone"]) == ("nothing", "good")
+    assert little["headline"].startswith("Ordinary for people")
+    assert written(SCALE)["verdict"] == "found"
+
+
 def test_a_factor_is_reported_from_one() -> None:
     factor = written(SCALE)["effects"][0]["parameters"]["factor"]
     assert (factor["value"], factor["sd"]) == (pytest.approx(1.01), pytest.approx(0.001))

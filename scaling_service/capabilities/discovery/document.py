@@ -180,7 +180,7 @@ class UnexplainedDocument(Part):
     where: list[str]
     observable: Literal["marker", "force", "moment"]
     unit: Unit
-    law: str = Field(description="Which coordinate it follows, or which effect it is most like.")
+    law: str = Field(description="What was seen, which coordinate it follows, or which effect it is like.")
     rms: Number
     floor: Known
 

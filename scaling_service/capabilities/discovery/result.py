@@ -99,8 +99,11 @@ def make_discovery_document(
     )
     effects = [_make_effect(named, results) for named in found.named]
     effects.sort(key=lambda effect: not effect.carries)
+    verdict = found.verdict
+    if effects and not any(effect.carries for effect in effects):
+        verdict = "unexplained" if found.unexplained else "nothing"
     headline = words.write_headline(
-        found.verdict, effects, found.held_out.whitened, found.unexplained, held_out=bool(held_out)
+        verdict, effects, found.held_out.whitened, found.unexplained, held_out=bool(held_out)
     )
     worse = words.describe_worse(found.held_out)
     provenance = record_provenance(
@@ -114,9 +117,9 @@ def make_discovery_document(
         provenance["repairs"][name] += repair_notes(forces.repairs)
     return documents.DiscoveryDocument(
         **provenance,
-        verdict=found.verdict,
+        verdict=verdict,
         headline=headline + worse,
-        tone=words.choose_tone(found.verdict, effects, worse),
+        tone=words.choose_tone(verdict, effects, worse),
         reason=found.reason,
         disagreements=list(found.disagreements),
         effects=effects,

@@ -229,8 +229,7 @@ def write_headline(
     largest first.
     """
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
-    carrying = [e for e in effects if e.carries]
-    if verdict == "nothing" or (effects and not carrying):
+    if verdict == "nothing":
         said = (
             f": {unseen} are tracked to {format_figures(level.after)} times what is ordinary" if level else ""
         )
@@ -238,6 +237,7 @@ def write_headline(
         return f"Ordinary for people; nothing{least} stands out{said}"
     if verdict == "unexplained":
         return "Something stands out of what is ordinary for people, and nothing in the catalogue explains it"
+    carrying = [e for e in effects if e.carries]
     # The same in several recordings is one.
     count, classes, doubtful = (
         len({(e.kind, *e.where) for e in some})

@@ -89,7 +89,7 @@ def _fork(asked: dict[str, Any]) -> str:
     with os.fdopen(theirs, encoding="utf-8") as sent:
         reply = sent.read()
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    return json.dumps({"ended": code}) if code else reply
+    return reply if reply and not code else json.dumps({"ended": code})
 
 
 def main() -> None:

@@ -130,7 +130,7 @@ def expect_body(
         wandering = people.skin_covariance(bone, landmarks, places, people.loose_share)
         ordinary.own.add(rows, wandering, part)
         # Arms and head are held otherwise from recording to recording, not only within one
-        posed = np.repeat([people.girdle(bone, landmark) for landmark in landmarks], 3)
+        posed = np.repeat([people.girdle_sd(bone, landmark) for landmark in landmarks], 3)
         held = [(row, sd) for row, sd in zip(rows, posed.tolist(), strict=True) if sd]
         if held:
             ordinary.own.add([row for row, _ in held], np.diag([sd**2 for _, sd in held]))

@@ -62,11 +62,12 @@ def list_unexplained(
                 of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
                 floors[component] = yardstick.forces[trial].ordinary[component] / level
                 found.append((math.log(level), (component,), component, ""))
-    found += [
-        (0.0, where, max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p]), law)
-        for where, places, law in _list_faults(fit)
-        if (shown := [p for p in places if p in floors])
-    ]
+    off: dict[tuple[str, ...], float] = {}  # of faults whose size the readings tell
+    for where, places, law, size in _list_faults(fit):
+        if shown := [p for p in places if p in floors]:
+            most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
+            found.append((0.0, where, most, law))
+            off |= {where: size} if size else {}
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
     standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
     standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
@@ -88,31 +89,31 @@ def list_unexplained(
                 observable=observable,
                 unit=unit,
                 law=law or describe_course(fit, place) or "it follows no coordinate",
-                rms=factor * {**rms, **of_forces}.get(place, 0.0),
+                rms=factor * off.get(tuple(where), {**rms, **of_forces}.get(place, 0.0)),
                 floor=factor * floors[place],
             )
         )
     return tuple(made)
 
 
-def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str]]:
+def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str, float]]:
     """Faults of cameras and plates that the readings alone show and nothing repairs.
 
-    Each with whose it is, the places where it would show, and in words, in the first recording that has it.
+    Each with whose it is, the places where it would show, in words, in the first recording that has it, and
+    how far it is off (RMS, SI), 0 where that is not known.
     """
-    found: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {}
+    found: dict[str, tuple[tuple[str, ...], tuple[str, ...], str, float]] = {}
     for item in fit.tracked:
         for repair in item.trial.repairs:
             if repair.what == "shaking":
-                found.setdefault(
-                    repair.where, (("markers",), item.markers, f"in {item.trial.name} they {repair.detail}")
-                )
+                law = f"in {item.trial.name} they {repair.detail}"
+                found.setdefault(repair.where, (("markers",), item.markers, law, repair.off))
     for forces in fit.wrenches:
         for repair in forces.contacts.ground.repairs:
             if repair.what in ("saturated", "dead_channel"):
                 plate, component = repair.where.split()
                 law = f"in {forces.name} it {repair.detail}"
-                found.setdefault(repair.where, ((plate,), (component,), law))
+                found.setdefault(repair.where, ((plate,), (component,), law, repair.off))
     return list(found.values())
 
 
@@ -126,7 +127,9 @@ def _list_jumps(body: BodyTable) -> Iterator[tuple[float, str, str, float, float
     model, people = body.fit.model, read_people()
     told = tell_landmarks(model)
     # A head nods, and shoulders shrug
-    still = [m.name for m in model.markers if not people.girdle(model.bone_of(m.segment), told.get(m.name))]
+    still = [
+        m.name for m in model.markers if not people.girdle_sd(model.bone_of(m.segment), told.get(m.name))
+    ]
     for white, left in body.left:
         item, weight = white.look.item, white.look.weight
         shown = [m for m in item.markers if MarkerSpot(m, 0) in numbers and m in still]

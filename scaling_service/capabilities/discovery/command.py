@@ -135,7 +135,8 @@ def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) ->
             console.print(f"   {bar} {share}", markup=False, highlight=False, soft_wrap=True)
         console.print(f"   {effect.advice}", markup=False, highlight=False, soft_wrap=True)
     if (more := len(document.effects) - len(told)) > 0 and not everything:
-        say(console, f"And {more} more", "bold", ["in discovery.json and report.html; --all lists them here"])
+        rest = f"And {more} more" if told else f"{more} named, which take next to nothing off the gap,"
+        say(console, rest, "bold", ["in discovery.json and report.html; --all lists them here"])
     if everything:
         for table in summary.tables:
             print_table(console, table)

@@ -55,7 +55,7 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     summary(
       document,
       told(document, effects.slice(0, lines), 1),
-      effects.length > lines && folded(`${effects.length - lines} more`, told(document, effects.slice(lines), lines + 1)),
+      effects.length > lines && folded(lines > 0 ? `${effects.length - lines} more` : `${effects.length} named, which take next to nothing off the gap`, told(document, effects.slice(lines), lines + 1)),
       ...unexplained.slice(0, MOST).map(({ where, law }) => h("p", null, `Beyond what is ordinary, and no effect that is known, at ${few(where.map(words))}: ${spoken(law, Object.keys(document.repairs))}.`)),
       more !== "" && h("p", null, `And at ${more}.`),
     ),

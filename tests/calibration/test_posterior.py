@@ -17,6 +17,7 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.studies.benchmark.persons import World, draw_person
+from tests.calibration.people import person
 from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
@@ -166,3 +167,37 @@ def jia_without_images(tmp_path, shared_data) -> Session:
     }
     file.write_text(json.dumps(document))
     return open_subject(file).session
+
+
+def drop_markers(session: Session, labels: set[str]) -> Session:
+    """The session as a laboratory without these markers has it."""
+
+    def without(trial: Trial) -> Trial:
+        return trial.select([label for label in trial.labels if label not in labels])
+
+    return replace(
+        session,
+        static=without(session.static),
+        calibration=tuple(map(without, session.calibration)),
+        evaluation=tuple(map(without, session.evaluation)),
+    )
+
+
+def test_fewer_markers_tell_no_more():
+    """What a joint's range holds instead is one word about a person, not one in each frame."""
+    whole = person(1, model="lower_limb_feet_18dof", noise_m=5e-4, seconds=4.0).session
+    sds = []
+    for session in (whole, drop_markers(whole, {"RMT1", "RTOE"})):
+        model = calibrate(session, "MAP").model
+        foot = model.coordinate_names.index("ankle_inversion_r")
+        sds.append(np.nanmean(track(model, session.evaluation[0]).uncertainty.sd[:, foot]))
+    assert sds[1] > sds[0]
+
+
+def test_a_leg_that_no_marker_shows_is_a_guess_with_its_deviation():
+    whole = person(1, noise_m=5e-4, seconds=2.0).session
+    hidden = drop_markers(whole, {"LLFE", "LMFE", "LFH", "LLM", "LMM"})
+    sizes = calibrate(hidden, "MAP").sizes
+    for segment in ("femur_l", "tibia_l"):
+        assert not sizes[segment].own
+        assert sizes[segment].sd >= max(sizes["femur_r"].sd, 0.015)

@@ -194,6 +194,21 @@ def test_an_offset_that_no_foot_explains_is_reported(tmp_path: Path, newton: flo
     assert plates[0].offset_N is None
 
 
+@pytest.mark.parametrize("frames", [slice(0, 40), slice(None)])
+def test_a_foot_that_is_not_seen_is_not_away_from_its_plate(tmp_path: Path, frames: slice) -> None:
+    one = record_on_plates(name="squat")
+    markers = one.trial.markers.copy()
+    foot = [k for k, label in enumerate(one.trial.labels) if label[1:] in ("HEE", "TOE", "MT1", "MT5")]
+    markers[frames, foot] = np.nan
+    write_trc(tmp_path / "squat.trc", one.trial.with_markers(markers), "mm")
+    write_forces(tmp_path / "squat_grf.mot", one.trial.times, one.plates)
+    found = prove(tmp_path, BARE, tmp_path / "out")
+    assert not reported(found, "plate_1", "no foot")
+    plate = found.recordings[0].plates[0]
+    assert plate.offset_N is None
+    assert not any("nobody" in who for who in plate.loaded_by)
+
+
 def test_heels_and_toes_with_plates_call_for_feet(tmp_path: Path) -> None:
     found = plates_at(tmp_path / "lab", None)
     assert found.model == "full_body_35dof"  # all of its markers are there

@@ -97,6 +97,7 @@ class JointPosterior:
             freed, prior = _free(start, frames.trial.shown_labels, session, own, imaged)
             said = frames.shares * frames.unlike
             problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=said)
+            problem = problem.hold_once()
             if p is not None:
                 latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
                 problem = posterior.integrate_over(problem, q, p, latent)
@@ -152,7 +153,8 @@ class JointPosterior:
             warnings=(*start.warnings, *unused, *_list_warnings(found, estimated)),
             image_poses=start.image_poses,
             sizes=(
-                {
+                dict(start.sizes)
+                | {
                     segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
                     for segment, size in start.sizes.items()
                     if (name := f"scale.{segment}") in values

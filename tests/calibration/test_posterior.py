@@ -201,3 +201,14 @@ def test_a_leg_that_no_marker_shows_is_a_guess_with_its_deviation():
     for segment in ("femur_l", "tibia_l"):
         assert not sizes[segment].own
         assert sizes[segment].sd >= max(sizes["femur_r"].sd, 0.015)
+
+
+def test_feet_that_move_against_the_pelvis_say_how_long_unseen_legs_are():
+    """What lies between markers is not known because it bears none: its size is estimated with the others."""
+    long = dict.fromkeys(("femur_r", "femur_l", "tibia_r", "tibia_l"), (1.06,) * 3)
+    found = []
+    for factors in ({}, long):
+        who = person(1, model="lower_limb_feet_18dof", factors=factors, noise_m=5e-4, seconds=3.0)
+        between = {side + name for side in "RL" for name in ("LFE", "MFE", "FH", "LM", "MM")}
+        found.append(measure_segment_lengths(calibrate(drop_markers(who.session, between), "MAP").model))
+    assert found[1]["femur_r"] / found[0]["femur_r"] > 1.03

@@ -11,6 +11,7 @@ import time
 from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import permutations
 
 import numpy as np
 
@@ -215,11 +216,14 @@ def _free(
     """The start's model with everything freed, and what is known of each number."""
     model = start.model
     shown = [m for m in model.markers if m.name in seen and m.weight > 0.0]
-    carrying = list(dict.fromkeys(m.segment for m in shown))
+    bearing = list(dict.fromkeys(m.segment for m in shown))
+    # A thigh without a marker still says how far the foot is from the pelvis.
+    chains = (lengths.list_chain(model, *ends) for ends in permutations(bearing, 2))
+    carrying = list(dict.fromkeys([*bearing, *(segment.name for chain in chains for segment in chain)]))
     pelvis, knees = lengths.find_segment(model, "pelvis", ""), find_tiltable_knees(model)
     femurs = {side: lengths.find_segment(model, "femur", side) for side in "rl"}
     hips = {s: f for s, f in femurs.items() if f in carrying and model.segment(f).parent == pelvis}
-    drivers = {segment: _list_drivers(model, segment, people) for segment in carrying}
+    drivers = {segment: _list_drivers(model, segment, people) for segment in bearing}
     freed = free_named(model, list(_list_names(shown, carrying, pelvis, knees, tuple(hips), drivers)))
 
     prior = GaussianPrior([p.name for p in freed.parameters])

@@ -212,3 +212,26 @@ def test_feet_that_move_against_the_pelvis_say_how_long_unseen_legs_are():
         between = {side + name for side in "RL" for name in ("LFE", "MFE", "FH", "LM", "MM")}
         found.append(measure_segment_lengths(calibrate(drop_markers(who.session, between), "MAP").model))
     assert found[1]["femur_r"] / found[0]["femur_r"] > 1.03
+
+
+@pytest.mark.parametrize(("unknown", "left_out"), [("LFE MFE FH LM MM", True), ("LFE MFE", False)])
+def test_a_cluster_is_placed_where_landmarks_show_the_bone(unknown: str, left_out: bool) -> None:
+    """Who has none on thigh and shank sees the thigh move, and not how straight the leg is."""
+    whole = person(1, model="lower_limb_feet_18dof", noise_m=5e-4, seconds=1.0).session
+    on = {m.name: m.segment for m in whole.model.markers}
+    clusters = {side + name: f"Q{side}{k}" for k, name in enumerate(unknown.split()) for side in "RL"}
+
+    def rename(trial: Trial) -> Trial:
+        return replace(trial, labels=tuple(clusters.get(label, label) for label in trial.labels))
+
+    extra = {cluster: on[name] for name, cluster in clusters.items()}
+    session = replace(
+        whole,
+        subject=replace(whole.subject, extra_markers=extra),
+        static=rename(whole.static),
+        calibration=tuple(map(rename, whole.calibration)),
+        evaluation=(),
+    )
+    found = calibrate(session, "MB")
+    assert any("left out" in warning for warning in found.warnings) == left_out
+    assert (extra.keys() <= set(found.model.marker_names)) != left_out

@@ -43,7 +43,7 @@ def check_standing(
     if static is None and moving and wanted:
         yield _make_warning(
             "nobody stands still in any recording: segments are measured on the movements, where skin "
-            "slides, and tracking markers cannot be placed",
+            "slides, and tracking markers are placed there, too",
             "Record a few seconds of standing with all markers, or name such a recording",
             field="trials.static",
         )

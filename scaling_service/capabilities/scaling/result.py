@@ -31,6 +31,7 @@ from scaling_service.model.subject import Session
 from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
+_WHOSE = ("another_person", "scale")  # codes of what leaves open whose body it is, or how large
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
@@ -230,6 +231,16 @@ def gather_evidence(results: Results) -> evidence.Evidence:
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
         geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
+        tuple(
+            dict.fromkeys(
+                [str(note) for note in session.notes if note.code in _WHOSE]
+                + [
+                    said
+                    for scaling in results.scalings.values()
+                    for said in scaling.calibration.contradictions
+                ]
+            )
+        ),
     )
 
 

@@ -152,6 +152,7 @@ class JointPosterior:
             iterations=steps,
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *unused, *_list_warnings(found, estimated)),
+            contradictions=start.contradictions,
             image_poses=start.image_poses,
             sizes=(
                 dict(start.sizes)

@@ -84,7 +84,7 @@ def test_what_people_say_more_of_than_recordings_is_leant_on() -> None:
         ),
         (verdict(replace(MAP, lengths={"femur_r": 0.6}), usual_lengths={"femur_r": 0.43}), "unusual for"),
         (verdict(MB, EB), "MAP was not computed"),
-        (verdict(MAP, contradictions=("femur_r is 421 mm by the bones",)), "Femur_r is 421 mm by the bones."),
+        (verdict(MAP, contradictions=("femur_r is 421 mm by the bones",)), "femur_r is 421 mm by the bones."),
     ],
 )
 def test_what_keeps_it_from_deciding_is_said_first(found: Verdict, said: str) -> None:

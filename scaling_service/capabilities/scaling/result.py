@@ -231,17 +231,16 @@ def gather_evidence(results: Results) -> evidence.Evidence:
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
         geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
-        tuple(
-            dict.fromkeys(
-                [str(note) for note in session.notes if note.code in _WHOSE]
-                + [
-                    said
-                    for scaling in results.scalings.values()
-                    for said in scaling.calibration.contradictions
-                ]
-            )
-        ),
+        tuple(dict.fromkeys(_list_contradictions(results))),
     )
+
+
+def _list_contradictions(results: Results) -> abc.Iterator[str]:
+    """By which recordings and images look like more than one body, or none."""
+    yield from (str(note) for note in results.session.notes if note.code in _WHOSE)
+    for scaling in results.scalings.values():
+        yield from scaling.calibration.contradictions
+    yield from geometries.list_doubts({name: s.errors for name, s in results.scalings.items()}, {}, None)
 
 
 def _gather_method_evidence(

@@ -79,7 +79,7 @@ def judge(evidence: Evidence) -> Verdict:
             f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
             "the model does not describe."
         )
-    doubts += [f"{said[0].upper()}{said[1:]}." for said in evidence.contradictions]
+    doubts += [f"{said}." for said in evidence.contradictions]
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
         doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")

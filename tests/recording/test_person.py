@@ -287,6 +287,16 @@ def test_hanging_head_down_is_refused_of_who_stands() -> None:
         assert codes(found, severity) == {"upside_down"}
 
 
+def test_a_mirrored_person_is_not_told_to_stand_up_too() -> None:
+    trial = record("standing", 15)
+    turned = apply(decide(trial, roles=list_roles(trial)), trial)
+    found = ask(
+        Recordings(trials=[turned.with_markers(turned.markers * [1.0, -1.0, 1.0])], static="standing")
+    )
+    assert codes(found) == {"mirrored"}
+    assert codes(found, "warning") == set()
+
+
 def test_nothing_seen_is_nothing_asked() -> None:
     trial = record("standing", 16)
     assert ask(Recordings(trials=[trial.with_markers(np.full_like(trial.markers, np.nan))])) == ()

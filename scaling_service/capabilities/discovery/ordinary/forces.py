@@ -298,12 +298,11 @@ class WrenchTable:
                 )
             unsure = np.einsum("nak,kl,nal->na", white, inverse, white, optimize=True)
             energy = whose.T @ (np.square(left) + unsure)
-            told = zip(noise.ravel().tolist(), energy.ravel(), count.ravel(), strict=True)
-            noise = np.array([learn_level(*each) for each in told]).reshape(noise.shape)
+            noise = learn_level(noise, energy, count)
             for owner, at in owned.items():
                 known = float((1.0 - np.diag(inverse)[at]).sum())
                 square = float(np.square(strength[at]).sum())
-                anew = learn_level(levels[owner], square, known, 1.0)
+                anew = float(learn_level(levels[owner], square, known, 1.0))
                 levels[owner] = math.sqrt(levels[owner] * anew)
         return best
 

@@ -13,8 +13,8 @@ from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.body import RESTUCK_M
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.ordinary.levels import SPREAD, weigh_marker
-from scaling_service.capabilities.discovery.ordinary.sums import White
+from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
+from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
 from scaling_service.capabilities.discovery.search.gaps import (
     Yardstick,
@@ -167,5 +167,5 @@ def _score_course(
     sizes = white.look.weight * inverse @ (moving @ left.ravel())
     prior = 0.5 * float(np.square(sizes / sd).sum()) - 0.5 * float(np.linalg.slogdet(inverse / sd**2)[1])
     after = left - (sizes @ moving).reshape(left.shape)
-    now, before = (math.fsum(weigh_marker(*one) for one in white.measure(x).values()) for x in (after, left))
+    now, before = (float(weigh_markers([(white, x)])) for x in (after, left))
     return now - before - prior, float(np.linalg.norm(sizes))

@@ -36,7 +36,7 @@ class Effect:
     spreads : callable, optional
         Standard deviations of these.
     of_recording : bool
-        Whether the recording is at fault, neither the person nor the model: mended first, so told first.
+        Whether what was recorded or declared is at fault, neither person nor model: mended, so told first.
     """
 
     kind: str

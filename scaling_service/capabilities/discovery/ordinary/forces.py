@@ -45,6 +45,10 @@ NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
 """By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al.
 2017: 10 to 20 N and 10 to 25 N m RMS in squats and walks)."""
 
+WRENCH = 0.5
+"""Deviation of the logarithm of its level in a person (measured along each force in movement: 0.42 in three
+laboratories of adults, 0.55 in one of children; Muller's range is 0.35)."""
+
 _OF_KG = 65.0
 OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
 _LASTING_S = np.array([0.06, 0.06, 0.06, 0.2, 0.2, 0.2])
@@ -282,7 +286,8 @@ class WrenchTable:
             value -= (
                 float(np.log(np.diag(factor)).sum() + (whose.T @ self.weight * np.log(noise)).sum()) + cost
             )
-            value += sum(map(weigh_level, (*noise.ravel().tolist(), *levels.values())))
+            value += sum(weigh_level(level, WRENCH) for level in noise.ravel().tolist())
+            value += sum(map(weigh_level, levels.values()))
             if value > best.value:
                 last = slice(flat.shape[1] - k, None)
                 rms = np.sqrt(self.average(np.square(left / (by_noise * np.sqrt(self.weight)))))
@@ -298,7 +303,7 @@ class WrenchTable:
                 )
             unsure = np.einsum("nak,kl,nal->na", white, inverse, white, optimize=True)
             energy = whose.T @ (np.square(left) + unsure)
-            noise = learn_level(noise, energy, count)
+            noise = learn_level(noise, energy, count, spread=WRENCH)
             for owner, at in owned.items():
                 known = float((1.0 - np.diag(inverse)[at]).sum())
                 square = float(np.square(strength[at]).sum())

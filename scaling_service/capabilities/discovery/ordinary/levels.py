@@ -76,9 +76,9 @@ def learn_level(
     return np.asarray(np.clip(np.exp(u), _LEAST, most))
 
 
-def weigh_level(level: float) -> float:
+def weigh_level(level: float, spread: float = SPREAD) -> float:
     """Logarithm of a level's prior density, but for a constant."""
-    return -0.5 * (math.log(level) / SPREAD) ** 2
+    return -0.5 * (math.log(level) / spread) ** 2
 
 
 def weigh_marker(energy: Array, count: Array) -> Array:

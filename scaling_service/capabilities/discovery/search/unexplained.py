@@ -12,8 +12,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.body import RESTUCK_M
-from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
+from scaling_service.capabilities.discovery.ordinary.forces import WRENCH, ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
 from scaling_service.capabilities.discovery.search.gaps import (
@@ -57,7 +56,7 @@ def list_unexplained(
     if forces is not None:
         for component, levels in zip(COMPONENTS, forces[1].levels.T, strict=True):
             level = float(levels.max())
-            if math.log(level) > limit * SPREAD:
+            if math.log(level) > limit * WRENCH:
                 trial = fit.wrenches[int(levels.argmax())].name
                 of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
                 floors[component] = yardstick.forces[trial].ordinary[component] / level

@@ -44,7 +44,7 @@ def learn_level(
     energy: Array | float,
     count: Array | float,
     most: float = math.inf,
-    spread: float = SPREAD,
+    spread: Array | float = SPREAD,
 ) -> Array:
     """The likeliest level, or levels of any shape.
 
@@ -58,7 +58,7 @@ def learn_level(
         How many of them the recordings tell.
     most : float
         It is no larger.
-    spread : float
+    spread : ndarray or float
         Deviation of its logarithm before anything is seen.
 
     Examples
@@ -76,9 +76,9 @@ def learn_level(
     return np.asarray(np.clip(np.exp(u), _LEAST, most))
 
 
-def weigh_level(level: float, spread: float = SPREAD) -> float:
+def weigh_level(level: float) -> float:
     """Logarithm of a level's prior density, but for a constant."""
-    return -0.5 * (math.log(level) / spread) ** 2
+    return -0.5 * (math.log(level) / SPREAD) ** 2
 
 
 def weigh_marker(energy: Array, count: Array) -> Array:

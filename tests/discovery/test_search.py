@@ -87,6 +87,19 @@ def test_exchanged_labels_are_put_back() -> None:
     assert named.effect.candidate.trials == ("gait_1",)
 
 
+def test_what_is_wrong_with_a_recording_stands_before_what_is_likelier() -> None:
+    _, truth = hide("segment_length", "tibia_r", numbers=(1.15,))
+    recordings = recorded(person(), truth)
+    trial = recordings[0].trial
+    markers = trial.markers.copy()
+    markers[:, trial.index("LFH"), 1] += 0.02
+    recordings[0] = SearchTrial(trial.with_markers(markers), "fit")
+    first, second = found(recordings).findings.named
+    assert (first.candidate.kind, first.candidate.where) == ("marker_offset", ("LFH",))
+    assert second.candidate.kind == "segment_length"
+    assert second.odds > first.odds
+
+
 def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
     recordings = recorded(person(), person().model)
     stream, strayed = np.random.default_rng(2), []

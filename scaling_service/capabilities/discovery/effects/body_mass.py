@@ -77,5 +77,6 @@ EFFECTS = (
         meaning="the person is heavier or lighter than declared",
         details=_find_factor,
         spreads=_spread,
+        of_recording=True,
     ),
 )

@@ -35,6 +35,8 @@ class Effect:
         Numbers that no column holds, by the names of the results.
     spreads : callable, optional
         Standard deviations of these.
+    of_recording : bool
+        Whether what was recorded or declared is at fault, neither person nor model: mended, so told first.
     """
 
     kind: str
@@ -43,6 +45,7 @@ class Effect:
     _: KW_ONLY
     details: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
     spreads: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
+    of_recording: bool = False
 
 
 @cache

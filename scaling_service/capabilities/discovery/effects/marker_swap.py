@@ -136,4 +136,8 @@ def _describe_swap(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     return {"start_s": exchange.start_s, "end_s": exchange.end_s}
 
 
-EFFECTS = (Effect(kind=KIND, meaning="two labels are exchanged for a while", details=_describe_swap),)
+EFFECTS = (
+    Effect(
+        kind=KIND, meaning="two labels are exchanged for a while", details=_describe_swap, of_recording=True
+    ),
+)

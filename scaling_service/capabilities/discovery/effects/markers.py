@@ -61,6 +61,7 @@ EFFECTS = (
         kind="marker_offset",
         meaning="the marker sits elsewhere on its segment",
         candidates=propose_marker_offsets,
+        of_recording=True,
     ),
     Effect(
         kind="soft_tissue_artefact",
@@ -71,5 +72,6 @@ EFFECTS = (
         kind="capture_scale",
         meaning="all measured positions are scaled by one factor",
         candidates=propose_capture_scale,
+        of_recording=True,
     ),
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
@@ -19,8 +18,8 @@ from scaling_service.capabilities.discovery.laws.spots import At, JointSpot
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import Base
-from scaling_service.capabilities.discovery.ordinary.levels import weigh_level, weigh_marker
-from scaling_service.capabilities.discovery.ordinary.sums import White
+from scaling_service.capabilities.discovery.ordinary.levels import weigh_level
+from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
 from scaling_service.core.arrays import Array
 
 KIND = "missing_dof"
@@ -98,12 +97,12 @@ def _weigh_course(
         more = sd * sd
         value = 0.5 * float(w @ (along**2 * more / (1.0 + more * bend) - np.log1p(more * bend)))
         course = np.split(more * along / (1.0 + more * bend), edges)
-        energy, count = (defaultdict[str, float](float) for _ in range(2))
-        for (white, left), columns, size in zip(whites, moving, course, strict=True):
-            for marker, (square, number) in white.measure(left - size[:, None] * columns).items():
-                energy[marker] += square
-                count[marker] += number
-        return value + sum(weigh_marker(energy[m], n) + 0.5 * energy[m] for m, n in count.items())
+        rests = [
+            (white, left - size[:, None] * columns)
+            for (white, left), columns, size in zip(whites, moving, course, strict=True)
+        ]
+        energy = math.fsum(float(white.measure(rest).sum()) for white, rest in rests)
+        return value + float(weigh_markers(rests)) + 0.5 * energy
 
     ordinary = max(weigh(factor * everyday) + weigh_level(factor) for factor in _FACTORS.tolist())
     i, j, k = axis.tolist()

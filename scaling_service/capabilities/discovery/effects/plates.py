@@ -104,30 +104,36 @@ EFFECTS = (
         kind="plate_bias",
         meaning="something constant is added to what the plate measures",
         candidates=_at_plates("plate_bias", _choose_bias),
+        of_recording=True,
     ),
     Effect(
         kind="plate_gain",
         meaning="the plate measures a multiple of the true force",
         candidates=_at_plates("plate_gain", _choose_gain),
+        of_recording=True,
     ),
     Effect(
         kind="plate_position",
         meaning="the plate lies elsewhere, so that its centre of pressure is shifted",
         candidates=_at_plates("plate_position", _choose_place),
+        of_recording=True,
     ),
     Effect(
         kind="plate_rotation",
         meaning="the plate is turned",
         candidates=_at_plates("plate_rotation", _choose_rotations),
+        of_recording=True,
     ),
     Effect(
         kind="force_delay",
         meaning="the forces come later (or earlier) than the markers",
         candidates=propose_force_delays,
+        of_recording=True,
     ),
     Effect(
         kind="gravity_tilt",
         meaning="the laboratory's vertical is not vertical",
         candidates=propose_gravity_tilt,
+        of_recording=True,
     ),
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,8 +26,7 @@ from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.laws.swinging import Pulled
 from scaling_service.capabilities.discovery.ordinary.columns import Base
-from scaling_service.capabilities.discovery.ordinary.levels import weigh_marker
-from scaling_service.capabilities.discovery.ordinary.sums import White
+from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
 from scaling_service.numerics.multibody.laws import Array
 
 KIND = "skin_wobble"
@@ -53,15 +51,10 @@ def find_swinging_skin(
     groups = [g for segment in scene.bearing for g in scene.groups_on(segment.name)]
     if not looks or not groups:
         return
-    weighed: dict[tuple[str, ...], tuple[float, tuple[float, float]]] = {}
-    for pair in TRIED:
-        moved = [look.move(pair) for look in looks]
-        for group in groups:
-            odds = _weigh(looks, moved, group)
-            weighed[group] = max(weighed.get(group, (-math.inf, pair)), (odds, pair))
-    best = max(groups, key=lambda g: weighed[g][0])
-    for group in groups:
-        odds, pair = weighed[group]
+    weighed = np.array([_weigh(looks, groups, pair) for pair in TRIED])
+    best = groups[int(np.argmax(weighed.max(axis=0)))]
+    for group, each in zip(groups, weighed.T, strict=True):
+        odds, pair = float(each.max()), TRIED[int(np.argmax(each))]
         if group == best and odds > 0.0:
             odds, pair = _tune([_Skin.of(s.white, s.left, base, group) for s in looks], group, pair)
         change = Swinging(group, *pair)
@@ -111,21 +104,14 @@ class _Skin:
         }
 
 
-def _weigh(
-    looks: Sequence[_Skin],
-    moved: Sequence[Mapping[str, Array]],
-    group: Sequence[str],
-) -> float:
-    """Log Bayes factor of the swing of a group, levels of markers learnt anew beside it."""
-    before, after, count = (defaultdict[str, float](float) for _ in range(3))
-    for look, each in zip(looks, moved, strict=True):
-        shown = [each[m] for m in group if m in each]
-        rest = look.left - np.sum(shown, axis=0) if shown else look.left
-        for table, values in ((before, look.left), (after, rest)):
-            for marker, (energy, number) in look.white.measure(values).items():
-                table[marker] += energy
-                count[marker] += 0.5 * number
-    return math.fsum(weigh_marker(after[m], n) - weigh_marker(before[m], n) for m, n in count.items())
+def _weigh(looks: Sequence[_Skin], groups: Sequence[Sequence[str]], pair: tuple[float, float]) -> Array:
+    """Log Bayes factor of the swing of every group, levels of markers learnt anew beside it."""
+    rests = []
+    for look in looks:
+        moved = look.move(pair)
+        swings = [sum((moved[m] for m in group if m in moved), np.zeros_like(look.left)) for group in groups]
+        rests.append((look.white, look.left - np.stack(swings)))
+    return weigh_markers(rests) - weigh_markers([(look.white, look.left) for look in looks])
 
 
 def _tune(
@@ -140,7 +126,7 @@ def _tune(
         return min(max(f, FREQUENCIES_HZ[0]), FREQUENCIES_HZ[1]), min(max(z, DAMPINGS[0]), DAMPINGS[1])
 
     def cost(x: Array) -> float:
-        return -_weigh(looks, [look.move(turn_back(x)) for look in looks], group)
+        return -float(_weigh(looks, [group], turn_back(x))[0])
 
     found = scipy.optimize.minimize(
         cost, np.log(pair), method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.1, "maxfev": 60}

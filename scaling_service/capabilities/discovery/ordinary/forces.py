@@ -41,9 +41,15 @@ from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.soles import Soles, tabulate_steps
 from scaling_service.core.arrays import Array
 
-NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
+NOISE = np.array([12.0, 12.0, 8.0, 6.0, 3.0, 9.0])
 """By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al.
-2017: 10 to 20 N and 10 to 25 N m RMS in squats and walks)."""
+2017: 10 to 20 N and 10 to 25 N m RMS in squats and walks; moments: 0.6 of that, the median of four
+laboratories)."""
+
+_SPREAD, _AT_REST = 0.5, 1.5
+"""Deviation of the logarithm of its level in a person who moves (measured along each force: 0.42 in three
+laboratories of adults, 0.55 in one of children; Muller's range is 0.35) and in one who stands still, who may
+be a thirtieth as lively (measured: 0.03 to 1)."""
 
 _OF_KG = 65.0
 OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
@@ -147,6 +153,8 @@ class WrenchTable:
         kinds = sorted(set(still))
         self.shared = np.array([[kind == k for k in kinds] for kind in still], dtype=float)
         """(n_recordings, n_kinds): those that share a level, at rest and in movement."""
+        self.spread = np.where(kinds, _AT_REST, _SPREAD)[:, None]
+        """(n_kinds, 1): of these levels."""
         self.soles = tabulate_steps(fit.wrenches, [(key.load, key.trials) for key in self._keys])
         self._append_weights(masses)
 
@@ -282,7 +290,8 @@ class WrenchTable:
             value -= (
                 float(np.log(np.diag(factor)).sum() + (whose.T @ self.weight * np.log(noise)).sum()) + cost
             )
-            value += sum(map(weigh_level, (*noise.ravel().tolist(), *levels.values())))
+            value -= 0.5 * float(np.square(np.log(noise) / self.spread).sum())
+            value += sum(map(weigh_level, levels.values()))
             if value > best.value:
                 last = slice(flat.shape[1] - k, None)
                 rms = np.sqrt(self.average(np.square(left / (by_noise * np.sqrt(self.weight)))))
@@ -298,12 +307,11 @@ class WrenchTable:
                 )
             unsure = np.einsum("nak,kl,nal->na", white, inverse, white, optimize=True)
             energy = whose.T @ (np.square(left) + unsure)
-            told = zip(noise.ravel().tolist(), energy.ravel(), count.ravel(), strict=True)
-            noise = np.array([learn_level(*each) for each in told]).reshape(noise.shape)
+            noise = learn_level(noise, energy, count, spread=self.spread)
             for owner, at in owned.items():
                 known = float((1.0 - np.diag(inverse)[at]).sum())
                 square = float(np.square(strength[at]).sum())
-                anew = learn_level(levels[owner], square, known, 1.0)
+                anew = float(learn_level(levels[owner], square, known, 1.0))
                 levels[owner] = math.sqrt(levels[owner] * anew)
         return best
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from scaling_service.capabilities.discovery.ordinary.body import PARTS
+from scaling_service.core.arrays import Array
 
 SPREAD = 0.7  # SD of a level's logarithm (chosen: skin of two persons differs by a factor of two)
 MARKER = 0.45
@@ -37,36 +40,40 @@ def find_most(level: str) -> float:
 
 
 def learn_level(
-    level: float, energy: float, count: float, most: float = math.inf, spread: float = SPREAD
-) -> float:
-    """The likeliest level.
+    level: Array | float,
+    energy: Array | float,
+    count: Array | float,
+    most: float = math.inf,
+    spread: Array | float = SPREAD,
+) -> Array:
+    """The likeliest level, or levels of any shape.
 
     Parameters
     ----------
-    level : float
+    level : ndarray or float
         The present one.
-    energy : float
+    energy : ndarray or float
         Sum of squares of numbers divided by their deviations at the present level.
-    count : float
+    count : ndarray or float
         How many of them the recordings tell.
     most : float
         It is no larger.
-    spread : float
+    spread : ndarray or float
         Deviation of its logarithm before anything is seen.
 
     Examples
     --------
-    >>> round(learn_level(1.0, 400.0, 100.0), 2)  # a hundred numbers of twice the deviation
+    >>> learn_level(1.0, 400.0, 100.0).round(2).item()  # a hundred numbers of twice the deviation
     1.99
     """
-    u, squares = math.log(level), energy * level**2
+    u, squares = np.log(level), energy * np.square(level)
     for _ in range(_ROUNDS):
-        e = squares * math.exp(-2.0 * u)
+        e = squares * np.exp(-2.0 * u)
         step = (count - e + u / spread**2) / (2.0 * e + 1.0 / spread**2)
-        u -= min(max(step, -1.0), 1.0)
-        if abs(step) < _SETTLED:
+        u = u - np.clip(step, -1.0, 1.0)
+        if np.max(np.abs(step), initial=0.0) < _SETTLED:
             break
-    return min(max(math.exp(u), _LEAST), most)
+    return np.asarray(np.clip(np.exp(u), _LEAST, most))
 
 
 def weigh_level(level: float) -> float:
@@ -74,10 +81,11 @@ def weigh_level(level: float) -> float:
     return -0.5 * (math.log(level) / SPREAD) ** 2
 
 
-def weigh_marker(energy: float, count: float) -> float:
-    """Log evidence of a marker's numbers, but for a constant, however much more it wanders than its part.
+def weigh_marker(energy: Array, count: Array) -> Array:
+    """Log evidence of markers' numbers, but for a constant, however much more each wanders than its part.
 
     ``energy``: their sum of squares in deviations of its part; ``count``: how many are free.
     """
     factor = learn_level(1.0, energy, count, spread=MARKER)
-    return -0.5 * (energy / factor**2 + (math.log(factor) / MARKER) ** 2) - count * math.log(factor)
+    lively = np.log(factor)
+    return np.asarray(-0.5 * (energy / factor**2 + (lively / MARKER) ** 2) - count * lively)

@@ -28,6 +28,24 @@ _LIVELIER = 3.0  # times, from where the level of one place is learnt
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
 
+def invert_root(products: Array) -> Array:
+    """Lower triangular R with ``R'R = (1 + products)^-1``: solves, its diagonal and determinant in one.
+
+    Examples
+    --------
+    >>> invert_root(np.diag([3.0, 0.0])).tolist()
+    [[0.5, 0.0], [0.0, 1.0]]
+    """
+    factor = np.linalg.cholesky(np.eye(len(products)) + products)
+    root, _ = scipy.linalg.lapack.dtrtri(factor, lower=1)
+    return np.asarray(root)
+
+
+def _weigh(root: Array, pull: Array) -> float:
+    """Log Bayes factor of independent numbers of unit variance, from the inverse root and their scores."""
+    return 0.5 * float(np.square(root @ pull).sum()) + float(np.log(np.diag(root)).sum())
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scored:
     """A candidate against what is ordinary."""
@@ -62,12 +80,19 @@ class Table:
     def parts(self) -> list[tuple[Array, Array]]:
         """Products and scores of each recording."""
         found = []
+        for s, (shown, pull, root) in zip(self.sums, self._freed, strict=True):
+            taken = root @ shown.T
+            found.append((s.products - taken.T @ taken, s.scores - taken.T @ (root @ pull)))
+        return found
+
+    @cached_property
+    def _freed(self) -> list[tuple[Array, Array, Array]]:
+        """Of what is each recording's own: products with all columns, scores, and the inverse root."""
+        found = []
         for s, mine in zip(self.sums, self.own, strict=True):
-            shown = s.products @ mine
-            inner = np.linalg.inv(np.eye(mine.shape[1]) + mine.T @ shown)
-            found.append(
-                (s.products - shown @ inner @ shown.T, s.scores - shown @ (inner @ (mine.T @ s.scores)))
-            )
+            few = scipy.sparse.csr_array(mine.T)  # every direction is of few columns
+            shown = few @ s.products
+            found.append((shown.T, few @ s.scores, invert_root(few @ shown.T)))
         return found
 
     def add_up(self, trials: Sequence[str] = ()) -> tuple[Array, Array]:
@@ -82,23 +107,28 @@ class Table:
         return np.sum([p[0] for p in self.parts], axis=0), np.sum([p[1] for p in self.parts], axis=0)
 
     @cached_property
+    def _root(self) -> Array:
+        return invert_root(self._common_products)
+
+    @property
     def inner(self) -> Array:
         """Covariance of the strengths, (m, m): (1 + A'GA)^-1."""
-        return np.asarray(np.linalg.inv(np.eye(self.common.shape[1]) + self._common_products))
+        return np.asarray(self._root.T @ self._root)
 
     @cached_property
     def _common_products(self) -> Array:
-        return np.asarray(self.common.T @ self._total[0] @ self.common)
+        few = scipy.sparse.csr_array(self.common.T)
+        return np.asarray(few @ (few @ self._total[0]).T)
 
     @cached_property
     def strengths(self) -> Array:
         """Of the common directions, in their deviations, (m,)."""
-        return np.asarray(self.inner @ (self.common.T @ self._total[1]))
+        return np.asarray(self._root.T @ (self._root @ (self.common.T @ self._total[1])))
 
     @property
     def determined(self) -> Array:
         """How much of each direction the recordings tell, 0 to 1, (m,)."""
-        return np.asarray(1.0 - np.diag(self.inner))
+        return np.asarray(1.0 - np.square(self._root).sum(axis=0))
 
     @property
     def coefficients(self) -> Array:
@@ -108,35 +138,29 @@ class Table:
     @cached_property
     def evidence(self) -> float:
         """Logarithm of how likely the recordings are, but for what levels of what wanders make of it."""
-        value = 0.5 * float(self.strengths @ (self.common.T @ self._total[1]))
-        value -= 0.5 * float(np.linalg.slogdet(np.eye(self.common.shape[1]) + self._common_products)[1])
-        for s, mine in zip(self.sums, self.own, strict=True):
-            shown = np.eye(mine.shape[1]) + mine.T @ s.products @ mine
-            pull = mine.T @ s.scores
-            value += 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(
-                np.linalg.slogdet(shown)[1]
-            )
-            value -= 0.5 * s.square
+        value = _weigh(self._root, self.common.T @ self._total[1])
+        for s, (_, pull, root) in zip(self.sums, self._freed, strict=True):
+            value += _weigh(root, pull) - 0.5 * s.square
         return value
 
     def estimate_own(self, k: int) -> tuple[Array, Array]:
         """Strengths of what is another in recording k, and how much of each is told, both (any,)."""
-        strengths, told, _ = self.solve_own(k)
-        return strengths, told
+        shown, pull, root = self._freed[k]
+        strengths = root.T @ (root @ (pull - shown.T @ self.coefficients))
+        return strengths, 1.0 - np.square(root).sum(axis=0)
 
-    def solve_own(self, k: int) -> tuple[Array, Array, Array]:
-        """The same with their covariance, (any, any)."""
-        s, mine = self.sums[k], self.own[k]
-        inner = np.linalg.inv(np.eye(mine.shape[1]) + mine.T @ s.products @ mine)
-        strengths = inner @ (mine.T @ (s.scores - s.products @ self.coefficients))
-        return strengths, 1.0 - np.diag(inner), np.asarray(inner)
+    def spread_own(self, k: int) -> Array:
+        """Covariance of these strengths, (any, any)."""
+        root = self._freed[k][2]
+        return np.asarray(root.T @ root)
 
     def project(self, L: Array, trials: Sequence[str] = ()) -> tuple[Array, Array]:
         """Scores x (k,) and products X (k, k) of effects in some trials, L (n, k)."""
         G, g = self.add_up(trials)
         shown = G @ L
         along = self.common.T @ shown
-        return L.T @ g - along.T @ self.strengths, L.T @ shown - along.T @ (self.inner @ along)
+        taken = self._root @ along
+        return L.T @ g - along.T @ self.strengths, L.T @ shown - taken.T @ taken
 
     def score_each(
         self, combinations: Sequence[Combination], sds: Sequence[Array], trials: Sequence[str] = ()
@@ -196,18 +220,16 @@ class Table:
                 scale[at] = levels[o] / self.levels[o]
             if place:
                 scale[n:] = own * levels[place]
-            factor = np.linalg.cholesky(np.eye(len(right)) + full * np.outer(scale, scale))
-            inverse = scipy.linalg.cho_solve((factor, True), np.eye(len(right)))
-            z = inverse @ (scale * right)
-            value = 0.5 * float(z @ (scale * right)) - float(np.log(np.diag(factor)).sum())
-            value += sum(map(weigh_level, (*levels.values(), own)))
+            root = invert_root(full * np.outer(scale, scale))
+            z = root.T @ (root @ (scale * right))
+            value = _weigh(root, scale * right) + sum(map(weigh_level, (*levels.values(), own)))
             if value > best[0]:
-                best = (value, sd * z[n:], np.outer(sd, sd) * inverse[n:, n:])
-            told = 1.0 - np.diag(inverse)
+                best = (value, sd * z[n:], np.outer(sd, sd) * (root[:, n:].T @ root[:, n:]))
+            told = 1.0 - np.square(root).sum(axis=0)
             energy = np.square(z)
             if place:
-                own = learn_level(own, float(energy[n:].sum()), float(told[n:].sum()))
+                own = float(learn_level(own, energy[n:].sum(), told[n:].sum()))
             for o, at in rows.items():
-                anew = learn_level(levels[o], float(energy[at].sum()), float(told[at].sum()), find_most(o))
-                levels[o] = math.sqrt(levels[o] * anew)
+                anew = learn_level(levels[o], energy[at].sum(), told[at].sum(), find_most(o))
+                levels[o] = math.sqrt(levels[o] * float(anew))
         return best

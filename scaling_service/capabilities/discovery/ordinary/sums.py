@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -15,6 +16,7 @@ from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.ordinary.body import Cluster
 from scaling_service.capabilities.discovery.ordinary.columns import Base
+from scaling_service.capabilities.discovery.ordinary.levels import weigh_marker
 from scaling_service.core.arrays import Array
 from scaling_service.model.people import read_people
 
@@ -134,7 +136,7 @@ def list_patterns(seen: NDArray[np.bool_]) -> list[tuple[NDArray[np.intp], NDArr
     return [(at, here) for at, here in pairs if len(at)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class White:
     """Residuals (n, 3 m) and spots (n, n_spots, 3 m) in deviations of what wanders, freed of the pose."""
 
@@ -178,14 +180,35 @@ class White:
         moved = self.spread_over_spots(base, coefficients)
         return np.asarray(self.gap - np.matmul(moved[:, None], self.columns)[:, 0])
 
-    def measure(self, values: Array) -> dict[str, tuple[float, float]]:
-        """Of every marker, the weighed sum of squares of whitened values (n, 3 m), and how many are free."""
+    @cached_property
+    def free(self) -> Array:
+        """Of every marker, the weighed number of its values that the pose leaves free, (m,)."""
         free = np.repeat(self.look.seen, 3, axis=1) - np.square(self.basis).sum(axis=1)
-        energy, count = (
-            self.look.weight * x.reshape(len(x), -1, 3).sum(axis=(0, 2)) for x in (np.square(values), free)
-        )
-        pairs = zip(energy.tolist(), count.tolist(), strict=True)
-        return dict(zip(self.look.item.markers, pairs, strict=True))
+        return np.asarray(self.look.weight * free.reshape(len(free), -1, 3).sum(axis=(0, 2)))
+
+    def measure(self, values: Array) -> Array:
+        """Of every marker, the weighed sum of squares of whitened values (..., n, 3 m), (..., m)."""
+        each = np.square(values).reshape(*values.shape[:-1], -1, 3)
+        return np.asarray(self.look.weight * each.sum(axis=(-3, -1)))
+
+
+def weigh_markers(recordings: Sequence[tuple[White, Array]]) -> Array:
+    """Log evidence, but for a constant, of what is left in recordings, each marker as lively as it is.
+
+    Parameters
+    ----------
+    recordings : sequence
+        With what is left, whitened (..., n, 3 m).
+    """
+    names = list(dict.fromkeys(m for white, _ in recordings for m in white.look.item.markers))
+    energy, count = np.zeros(len(names)), np.zeros(len(names))
+    for white, left in recordings:
+        at = [names.index(m) for m in white.look.item.markers]
+        own = np.zeros((*left.shape[:-2], len(names)))
+        own[..., at] = white.measure(left)
+        energy = energy + own
+        count[at] += white.free
+    return np.asarray(weigh_marker(energy, count).sum(axis=-1))
 
 
 def find_best_span(gains: Array) -> tuple[float, slice]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from scaling_service.capabilities.discovery.effects.catalogue import (
     describe_details,
     estimate_spreads,
+    find_effects,
 )
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
@@ -115,7 +116,7 @@ def _summarise(
     yardstick = Yardstick(expect_markers(body), {} if forces is None else expect_forces(after, *forces))
     folds = not any(item.role == "held_out" for item in before.tracked)
     gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
-    named = tuple(sorted((_finish(one, search) for one in search.named), key=lambda n: -n.odds))
+    named = tuple(sorted((_finish(one, search) for one in search.named), key=_rank))
     unexplained = list_unexplained(search, body, forces, yardstick)
     verdict: Verdict = "found" if named else "unexplained" if unexplained else "nothing"
     spent = sum(is_of_markers(n.candidate) for n in named) >= settings.most
@@ -134,6 +135,11 @@ def _summarise(
         reason=_SPENT.format(settings.most) if spent else _NOTHING_MORE,
         notes=(*notes, *said),
     )
+
+
+def _rank(named: NamedEffect) -> tuple[bool, float]:
+    """What is at fault in a recording first, for all else was found in spite of it; then by the odds."""
+    return not find_effects()[named.candidate.kind].of_recording, -named.odds
 
 
 def _finish(one: Named, search: Search) -> NamedEffect:

@@ -134,9 +134,8 @@ class BodyTable:
                     if effect.candidate.holds_in(s.trial):
                         rows = slice(beyond[k], beyond[k] + count)
                         beyond[k] += count
-                        strengths, _, spread = self.table.solve_own(k)
-                        sizes.append(scale * strengths[rows])
-                        covariances.append(spread[rows, rows])
+                        sizes.append(scale * self.table.estimate_own(k)[0][rows])
+                        covariances.append(self.table.spread_own(k)[rows, rows])
                 size = np.mean(sizes, axis=0)
                 covariance = np.mean(covariances, axis=0) / len(covariances)
             found.append((Estimate(effect.candidate, size), covariance * np.outer(scale, scale)))
@@ -372,23 +371,24 @@ def _learn(
         add(of_own, strengths, told)
         rest = white.subtract(base, table.coefficients + table.own[k] @ strengths - moved[k])
         of |= {white.look.item.markers[row]: c.part for c in white.look.clusters for row in c.rows}
-        for marker, (square, number) in white.measure(rest).items():
+        energies, free = white.measure(rest).tolist(), white.free.tolist()
+        for marker, square, number in zip(white.look.item.markers, energies, free, strict=True):
             for place in (marker, of[marker]):
                 left[place] += square
                 freedom[place] += number
-    parts = {part: learn_level(old, left[part], freedom[part]) for part, old in loose.items()}
+    parts = {part: float(learn_level(old, left[part], freedom[part])) for part, old in loose.items()}
+    astray = learn_level(  # about the new level of its part
+        np.array(list(strays.values())),
+        np.array([left[m] * (loose[of[m]] / parts[of[m]]) ** 2 for m in strays]),
+        np.array([freedom[m] for m in strays]),
+        spread=MARKER,
+    )
     return (
         parts,
-        {  # about the new level of its part
-            m: max(
-                learn_level(old, left[m] * (loose[of[m]] / parts[of[m]]) ** 2, freedom[m], spread=MARKER),
-                STILLEST,
-            )
-            for m, old in strays.items()
-        },
+        dict(zip(strays, np.maximum(astray, STILLEST).tolist(), strict=True)),
         {
             # half of the way: how much is told of something follows its level
-            level: math.sqrt(old * learn_level(old, energy[level], count[level], find_most(level)))
+            level: math.sqrt(old * float(learn_level(old, energy[level], count[level], find_most(level))))
             for level, old in levels.items()
         },
     )

@@ -13,8 +13,7 @@ from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.body import RESTUCK_M
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.ordinary.levels import SPREAD, weigh_marker
-from scaling_service.capabilities.discovery.ordinary.sums import White
+from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
 from scaling_service.capabilities.discovery.search.gaps import (
     Yardstick,
@@ -55,10 +54,12 @@ def list_unexplained(
         law = f"in {trial} it jumps by {1e3 * size:.0f} mm at {at:.2f} s and stays there"
         found.append((odds, (marker,), marker, f"{law}{f'; so it does in {others} more' if others else ''}"))
     if forces is not None:
-        for component, levels in zip(COMPONENTS, forces[1].levels.T, strict=True):
-            level = float(levels.max())
-            if math.log(level) > limit * SPREAD:
-                trial = fit.wrenches[int(levels.argmax())].name
+        table, evidence = forces
+        lively = np.log(evidence.levels) / (table.shared @ table.spread)
+        for k, component in enumerate(COMPONENTS):
+            row = int(lively[:, k].argmax())
+            if lively[row, k] > limit:
+                trial, level = fit.wrenches[row].name, float(evidence.levels[row, k])
                 of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
                 floors[component] = yardstick.forces[trial].ordinary[component] / level
                 found.append((math.log(level), (component,), component, ""))
@@ -167,5 +168,5 @@ def _score_course(
     sizes = white.look.weight * inverse @ (moving @ left.ravel())
     prior = 0.5 * float(np.square(sizes / sd).sum()) - 0.5 * float(np.linalg.slogdet(inverse / sd**2)[1])
     after = left - (sizes @ moving).reshape(left.shape)
-    now, before = (math.fsum(weigh_marker(*one) for one in white.measure(x).values()) for x in (after, left))
+    now, before = (float(weigh_markers([(white, x)])) for x in (after, left))
     return now - before - prior, float(np.linalg.norm(sizes))

@@ -227,6 +227,16 @@ def test_a_volume_that_is_too_large_is_asked_about_and_not_refused() -> None:
     assert told[1.05] >= 10
 
 
+@pytest.mark.parametrize(
+    ("height_m", "mass_kg", "told"), [(1.68, 15.0, True), (1.68, 45.0, False), (1.0, 15.0, False)]
+)
+def test_a_mass_that_no_person_of_this_height_has_is_asked_about(
+    height_m: float, mass_kg: float, told: bool
+) -> None:
+    found = ask(Recordings(trials=[], stated=Stated(height_m=height_m, mass_kg=mass_kg)))
+    assert [one.code for one in found] == ["mass"] * told
+
+
 def test_recordings_of_two_persons_contradict_each_other() -> None:
     standing, walking = (record(kind, 11, height_m=1.6) for kind in ("standing", "walking"))
     assert asked(standing, walking) == ()

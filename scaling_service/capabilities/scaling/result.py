@@ -31,7 +31,7 @@ from scaling_service.model.subject import Session
 from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
-_WHOSE = ("another_person", "scale")  # codes of what leaves open whose body it is, or how large
+_WHOSE = ("another_person", "scale", "mass")  # codes of what leaves open whose body it is, or how large
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)

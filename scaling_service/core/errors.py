@@ -86,7 +86,8 @@ class MarkerMissing(InputError):
         super().__init__(
             f"trial '{trial}' has no marker '{marker}'; it has {shown}",
             field=f"markers.{marker}",
-            remedy=f"Map the label that means '{marker}' under `markers:` in the subject file",
+            remedy=f"Map the label that means '{marker}' under `markers:` in the subject file; if none does, "
+            "record it",
         )
         self.marker = marker
         self.trial = trial

@@ -123,7 +123,7 @@ def _read_plate(
                 what="no_moment", where=name, detail="the file holds no moment at the point; zero was taken"
             )
         )
-    loaded = np.asarray(force[:, 1] > forces.CONTACT_N)
+    loaded = np.asarray(np.abs(force[:, 1]) > forces.CONTACT_N)  # of the ground on the body, or the reverse
     # Points that stay near the places where the plate is loaded; any point will do for no force.
     seen = point[loaded]
     seen = seen[np.isfinite(seen).all(axis=1)]

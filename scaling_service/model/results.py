@@ -125,6 +125,7 @@ class Calibration:
     iterations: int = 0
     wall_s: float = 0.0
     warnings: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()  # of the warnings: what markers and images say against each other
     image_poses: Mapping[str, ImagePose] = field(default_factory=dict)
     """Segment to where its frame lies in the image, for those that were imaged."""
     sizes: Mapping[str, SegmentSize] = field(default_factory=dict)

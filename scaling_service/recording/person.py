@@ -42,13 +42,16 @@ _HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 
 def ask(given: findings.Recordings) -> tuple[findings.Finding, ...]:
     """All questions, those that refuse first."""
+    of_sides = [one for trial in given.trials for one in ask_sides(trial, given.model)]
+    # Which way is up follows from right and front, where these are sound.
+    mirrored = {one.place for one in of_sides if one.severity == "refusal"}
     found = [
         *(one for trial in given.trials for one in ask_one_person(trial)),
-        *(one for trial in given.trials for one in ask_sides(trial, given.model)),
+        *of_sides,
         *(one for trial in given.trials for one in ask_root(trial, given.model, given.clusters)),
         *ask_sizes(given.trials, given.static, given.stated),
         *ask_same_person(given.trials),
-        *ask_posture(given.trials, given.static),
+        *ask_posture([trial for trial in given.trials if trial.name not in mirrored], given.static),
         *(one for trial in given.trials for one in ask_exchanged(trial)),
         *ask_segments(given.trials, given.clusters),
         *ask_moved(given.trials, given.clusters),

@@ -86,10 +86,21 @@ mm of slack in trunk and knees, and palpation)."""
 def ask_sizes(
     trials: Sequence[Trial], static: str | None, stated: findings.Stated
 ) -> Iterator[findings.Finding]:
-    """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
+    """Whether mass and height can be one person's, and distances between landmarks; trials with Y up."""
     people = anthropometry.predict_dimensions(
         sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg
     )
+    if stated.height_m is not None and stated.mass_kg is not None:
+        alike = anthropometry.predict_dimensions(sex=stated.sex, height_m=stated.height_m, mass_kg=None)
+        usual, spread = alike.value("mass"), alike.sd("mass") / alike.value("mass")
+        off = np.log(stated.mass_kg / usual) / spread
+        if abs(off) > DEVIATIONS:
+            yield findings.Finding(
+                code="mass",
+                problem=f"{stated.mass_kg:g} kg are stated, and persons of {stated.height_m:.2f} m weigh "
+                f"{usual:.0f} kg: {abs(off):.1f} standard deviations off",
+                remedy="Give the mass in kg and the height in m, both of this person",
+            )
     for trial in trials:
         found = list(_ask_sizes_of(trial, people, stated, standing=trial.name == static))
         yield from found or _ask_reaches(trial, stated)

@@ -14,6 +14,7 @@ from scaling_service.capabilities.scaling.methods.people_prior import Imaged, fi
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.model.body import to_vector
 from scaling_service.model.parameters import compose_tilts, compute_axis, tilt_of
 from scaling_service.model.people import read_people
 from scaling_service.model.results import Calibration
@@ -230,3 +231,17 @@ def test_pieces_of_an_image_count_each_by_itself(piece: str, model: str) -> None
     told = {"pelvis": "centre.hip_r.y", "femur_r": "scale.femur_r", "tibia_r": "scale.tibia_r"}
     for segment, name in told.items():
         assert (sds[0][name] < 0.7 * sds[1][name]) == (segment in lying), name
+
+
+@pytest.mark.parametrize(("size", "contradicted"), [(1.0, False), (1.15, True)])
+def test_bones_of_another_size_leave_the_verdict_open(size: float, contradicted: bool) -> None:
+    """Whatever weighs both is sure of a body that nobody has: it says so instead of how sure it is."""
+    who = person(1, tilts_deg=TILTS_DEG, noise_m=5e-4, seconds=1.0)
+    shown = imaged(who, TILTS_DEG, markers=False)
+    larger = {
+        field: {name: to_vector(size * x for x in at) for name, at in getattr(shown, field).items()}
+        for field in ("centres", "landmarks")
+    }
+    found = calibrate(replace(who.session, images=replace(shown, **larger)), "MAP")
+    assert bool(found.contradictions) == contradicted
+    assert all(any(said in warning for warning in found.warnings) for said in found.contradictions)

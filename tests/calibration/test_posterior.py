@@ -17,6 +17,7 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.studies.benchmark.persons import World, draw_person
+from tests.calibration.people import person
 from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
@@ -166,3 +167,71 @@ def jia_without_images(tmp_path, shared_data) -> Session:
     }
     file.write_text(json.dumps(document))
     return open_subject(file).session
+
+
+def drop_markers(session: Session, labels: set[str]) -> Session:
+    """The session as a laboratory without these markers has it."""
+
+    def without(trial: Trial) -> Trial:
+        return trial.select([label for label in trial.labels if label not in labels])
+
+    return replace(
+        session,
+        static=without(session.static),
+        calibration=tuple(map(without, session.calibration)),
+        evaluation=tuple(map(without, session.evaluation)),
+    )
+
+
+def test_fewer_markers_tell_no_more():
+    """What a joint's range holds instead is one word about a person, not one in each frame."""
+    whole = person(1, model="lower_limb_feet_18dof", noise_m=5e-4, seconds=4.0).session
+    sds = []
+    for session in (whole, drop_markers(whole, {"RMT1", "RTOE"})):
+        model = calibrate(session, "MAP").model
+        foot = model.coordinate_names.index("ankle_inversion_r")
+        sds.append(np.nanmean(track(model, session.evaluation[0]).uncertainty.sd[:, foot]))
+    assert sds[1] > sds[0]
+
+
+def test_a_leg_that_no_marker_shows_is_a_guess_with_its_deviation():
+    whole = person(1, noise_m=5e-4, seconds=2.0).session
+    hidden = drop_markers(whole, {"LLFE", "LMFE", "LFH", "LLM", "LMM"})
+    sizes = calibrate(hidden, "MAP").sizes
+    for segment in ("femur_l", "tibia_l"):
+        assert not sizes[segment].own
+        assert sizes[segment].sd >= max(sizes["femur_r"].sd, 0.015)
+
+
+def test_feet_that_move_against_the_pelvis_say_how_long_unseen_legs_are():
+    """What lies between markers is not known because it bears none: its size is estimated with the others."""
+    long = dict.fromkeys(("femur_r", "femur_l", "tibia_r", "tibia_l"), (1.06,) * 3)
+    found = []
+    for factors in ({}, long):
+        who = person(1, model="lower_limb_feet_18dof", factors=factors, noise_m=5e-4, seconds=3.0)
+        between = {side + name for side in "RL" for name in ("LFE", "MFE", "FH", "LM", "MM")}
+        found.append(measure_segment_lengths(calibrate(drop_markers(who.session, between), "MAP").model))
+    assert found[1]["femur_r"] / found[0]["femur_r"] > 1.03
+
+
+@pytest.mark.parametrize(("unknown", "left_out"), [("LFE MFE FH LM MM", True), ("LFE MFE", False)])
+def test_a_cluster_is_placed_where_landmarks_show_the_bone(unknown: str, left_out: bool) -> None:
+    """Who has none on thigh and shank sees the thigh move, and not how straight the leg is."""
+    whole = person(1, model="lower_limb_feet_18dof", noise_m=5e-4, seconds=1.0).session
+    on = {m.name: m.segment for m in whole.model.markers}
+    clusters = {side + name: f"Q{side}{k}" for k, name in enumerate(unknown.split()) for side in "RL"}
+
+    def rename(trial: Trial) -> Trial:
+        return replace(trial, labels=tuple(clusters.get(label, label) for label in trial.labels))
+
+    extra = {cluster: on[name] for name, cluster in clusters.items()}
+    session = replace(
+        whole,
+        subject=replace(whole.subject, extra_markers=extra),
+        static=rename(whole.static),
+        calibration=tuple(map(rename, whole.calibration)),
+        evaluation=(),
+    )
+    found = calibrate(session, "MB")
+    assert any("left out" in warning for warning in found.warnings) == left_out
+    assert (extra.keys() <= set(found.model.marker_names)) != left_out

@@ -46,8 +46,9 @@ def verdict(
     *methods: MethodEvidence,
     imaged: frozenset[str] = frozenset(),
     usual_lengths: Mapping[str, float] = MappingProxyType({}),
+    contradictions: tuple[str, ...] = (),
 ) -> Verdict:
-    return judge(Evidence(methods, imaged, usual_lengths))
+    return judge(Evidence(methods, imaged, usual_lengths, contradictions))
 
 
 @pytest.mark.parametrize("methods", [(MB, MB_LAM, EB, MAP), (MAP, EB, MB_LAM, MB), (MAP,)])
@@ -83,12 +84,14 @@ def test_what_people_say_more_of_than_recordings_is_leant_on() -> None:
         ),
         (verdict(replace(MAP, lengths={"femur_r": 0.6}), usual_lengths={"femur_r": 0.43}), "unusual for"),
         (verdict(MB, EB), "MAP was not computed"),
+        (verdict(MAP, contradictions=("femur_r is 421 mm by the bones",)), "femur_r is 421 mm by the bones."),
     ],
 )
 def test_what_keeps_it_from_deciding_is_said_first(found: Verdict, said: str) -> None:
     assert found.strength == "undecided"
     assert said in found.why[0]
     assert not found.headline.startswith("Use ")
+    assert "±" not in found.headline
 
 
 def test_without_the_posterior_no_method_is_preferred_by_its_error() -> None:

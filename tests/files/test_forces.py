@@ -57,6 +57,14 @@ def test_a_point_far_away_at_no_force_spoils_nothing() -> None:
     assert np.isnan(forces.centre_of_pressure()[:2]).all()
 
 
+def test_forces_of_the_body_on_the_ground_act_at_the_same_points() -> None:
+    pushed = {"vx": -30, "vy": -700, "px": np.array([0.5, 0.2, 0.1, 0.2, 0.0])}
+    forces = read_forces_from_table(table(**{f"ground_force_{k}": v for k, v in pushed.items()}), "made.mot")
+    assert not [r for r in forces.repairs if r.what == "point_astray"]
+    turned = forces.change(force=-forces.force, moment=-forces.moment)
+    np.testing.assert_allclose(turned.centre_of_pressure()[:, 0, 0], pushed["px"])
+
+
 def test_a_missing_number_spoils_its_own_frame_only() -> None:
     forces = read_forces_from_table(table(ground_force_vx=np.array([1, np.nan, 1, 1, 1])), "made.mot")
     assert np.isfinite(forces.moment[[0, 2, 3, 4]]).all()

@@ -13,6 +13,7 @@ import yaml
 
 from scaling_service.capabilities.intake.result import ProblemEntry, ProofDocument
 from scaling_service.capabilities.intake.run import prove, prove_folder
+from scaling_service.capabilities.scaling.sizes.points import measure_standing_legs, read_landmarks
 from scaling_service.core.arrays import Array
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import load_builtin
@@ -79,13 +80,28 @@ def test_of_two_that_stand_more_landmarks_count_before_a_name(tmp_path: Path) ->
     assert "trial7.trc would do as well" in next(f.why for f in found.files if f.role == "trials.static")
 
 
-def test_who_sits_does_not_stand(tmp_path: Path) -> None:
+def sitting(bent_deg: float = 90.0) -> Trial:
     q = repeat_default_pose(FEET, 300)
     for k, coordinate in enumerate(FEET.coordinates):
-        q[:, k] += np.deg2rad(90.0) if coordinate.name.startswith(("hip_flexion", "knee_angle")) else 0.0
-    sitting = trial(FEET, "sit", q, 1e-4, np.random.default_rng(0))
-    found = looked(tmp_path / "lab", {"static_sitting": sitting, "b": standing(), "walk": moving(1, "w")})
+        q[:, k] += np.deg2rad(bent_deg) if coordinate.name.startswith(("hip_flexion", "knee_angle")) else 0.0
+    return trial(FEET, "sit", q, 1e-4, np.random.default_rng(0))
+
+
+def test_who_sits_does_not_stand(tmp_path: Path) -> None:
+    found = looked(tmp_path / "lab", {"static_sitting": sitting(), "b": standing(), "walk": moving(1, "w")})
     assert static_of(found) == "b.trc"
+    assert not reported(found, "upright")
+
+
+def test_that_nobody_stands_in_the_static_trial_is_said(tmp_path: Path) -> None:
+    found = looked(tmp_path / "lab", {"static": sitting(), "walk": moving(1, "w")})
+    assert static_of(found) == "static.trc"
+    assert reported(found, "static.trc", "trials.static", "nobody stands upright")
+
+
+def test_legs_are_nearly_as_long_in_whoever_sits() -> None:
+    legs = [measure_standing_legs(read_landmarks(one)) for one in (sitting(), standing())]
+    assert legs[0] == pytest.approx(legs[1], rel=0.15)  # the pelvis turns, too: 32 % by the straight way
 
 
 def test_a_pelvis_of_another_day_is_reported(tmp_path: Path) -> None:
@@ -192,6 +208,21 @@ def test_an_offset_that_no_foot_explains_is_reported(tmp_path: Path, newton: flo
     assert plates[2].offset_N == pytest.approx(newton)
     assert plates[2].loaded_by == []
     assert plates[0].offset_N is None
+
+
+@pytest.mark.parametrize("frames", [slice(0, 40), slice(None)])
+def test_a_foot_that_is_not_seen_is_not_away_from_its_plate(tmp_path: Path, frames: slice) -> None:
+    one = record_on_plates(name="squat")
+    markers = one.trial.markers.copy()
+    foot = [k for k, label in enumerate(one.trial.labels) if label[1:] in ("HEE", "TOE", "MT1", "MT5")]
+    markers[frames, foot] = np.nan
+    write_trc(tmp_path / "squat.trc", one.trial.with_markers(markers), "mm")
+    write_forces(tmp_path / "squat_grf.mot", one.trial.times, one.plates)
+    found = prove(tmp_path, BARE, tmp_path / "out")
+    assert not reported(found, "plate_1", "no foot")
+    plate = found.recordings[0].plates[0]
+    assert plate.offset_N is None
+    assert not any("nobody" in who for who in plate.loaded_by)
 
 
 def test_heels_and_toes_with_plates_call_for_feet(tmp_path: Path) -> None:

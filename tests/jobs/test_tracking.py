@@ -55,6 +55,18 @@ def test_the_scaled_model_has_the_errors_and_the_motion_that_scaling_reported(sc
     assert str(scaled / "walk.trc") in written.input_hashes
 
 
+@pytest.mark.parametrize(("size", "told"), [(1.0, set()), (1.15, {"another_person"})])
+def test_a_recording_of_another_person_than_the_model_s_is_told(
+    scaled: Path, tmp_path: Path, size: float, told: set[str]
+) -> None:
+    walk = read_trc(scaled / "walk.trc")
+    write_trc(tmp_path / "walk.trc", walk.with_markers(size * walk.markers), "mm")
+    tracked = ik(scaled / "scaled/MB_am/model.json", [tmp_path / "walk.trc"])
+    notes = [note for note in tracked.loaded.session.notes if note.code == "another_person"]
+    assert {note.code for note in notes} == told
+    assert all(note.place == "walk" and "the model" in note.problem for note in notes)
+
+
 def test_a_subject_file_may_name_a_model_that_scaling_wrote(scaled: Path) -> None:
     content = document(model="scaled/MB_am/model.json")
     reported = json.loads((scaled / "scaled/MB_am/scaling.json").read_text(encoding="utf-8"))[

@@ -227,6 +227,16 @@ def test_a_volume_that_is_too_large_is_asked_about_and_not_refused() -> None:
     assert told[1.05] >= 10
 
 
+@pytest.mark.parametrize(
+    ("height_m", "mass_kg", "told"), [(1.68, 15.0, True), (1.68, 45.0, False), (1.0, 15.0, False)]
+)
+def test_a_mass_that_no_person_of_this_height_has_is_asked_about(
+    height_m: float, mass_kg: float, told: bool
+) -> None:
+    found = ask(Recordings(trials=[], stated=Stated(height_m=height_m, mass_kg=mass_kg)))
+    assert [one.code for one in found] == ["mass"] * told
+
+
 def test_recordings_of_two_persons_contradict_each_other() -> None:
     standing, walking = (record(kind, 11, height_m=1.6) for kind in ("standing", "walking"))
     assert asked(standing, walking) == ()
@@ -285,6 +295,16 @@ def test_hanging_head_down_is_refused_of_who_stands() -> None:
     for static, severity in (("standing", "refusal"), (None, "warning")):
         found = ask(Recordings(trials=[hanging], static=static))
         assert codes(found, severity) == {"upside_down"}
+
+
+def test_a_mirrored_person_is_not_told_to_stand_up_too() -> None:
+    trial = record("standing", 15)
+    turned = apply(decide(trial, roles=list_roles(trial)), trial)
+    found = ask(
+        Recordings(trials=[turned.with_markers(turned.markers * [1.0, -1.0, 1.0])], static="standing")
+    )
+    assert codes(found) == {"mirrored"}
+    assert codes(found, "warning") == set()
 
 
 def test_nothing_seen_is_nothing_asked() -> None:

@@ -231,13 +231,13 @@ def with_extra_markers(
     """A subject document with tracking markers, where it names none itself.
 
     Those that their marker set knows; and on a segment that the movements would show by fewer than three
-    markers, all that geometry puts there. Only labels that are seen while standing, which places them, and in
-    a movement, which they then follow.
+    markers, all that geometry puts there. Only labels that are seen in a movement, and while standing, which
+    places them, where anybody stands.
 
     ``trials``: file to recording.
     """
     static = trials.get(str(proposed["trials"].get("static")))
-    if proposed.get("extra_markers") or static is None:
+    if proposed.get("extra_markers"):
         return dict(proposed)
     others = [
         t
@@ -245,7 +245,9 @@ def with_extra_markers(
         if t is not static
         and any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
     ]
-    moving = set(static.shown_labels) & {label for trial in others for label in trial.shown_labels}
+    moving = {label for trial in others for label in trial.shown_labels}
+    if static is not None:
+        moving &= set(static.shown_labels)
     known = marker_sets.assign_tracking_segments([e.label for e in extra if e.label in moving], model)
     shown = Counter([m.segment for m in markers if m.label in moving] + list(known.values()))
     found = {

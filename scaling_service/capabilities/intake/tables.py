@@ -231,6 +231,9 @@ def describe_plates(
         on = on or clusters.get(f"tibia_{side}", [])
         if on:
             feet[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
+    # Frames that hide a foot, which may be on any plate: what is not seen is not absent.
+    shown = [find_seen(foot).any(axis=1) for foot in feet.values()]
+    hidden = ~np.all(shown, axis=0) if len(feet) == len(_FEET) else np.ones(trial.n_frames, dtype=bool)
     centre, pressing = forces.centre_of_pressure(), forces.pressing
     described = []
     contacts: list[Contact] = []
@@ -239,7 +242,7 @@ def describe_plates(
         away = {side: _measure_distance(foot, centre[:, k]) for side, foot in feet.items()}
         nearest = np.min(list(away.values()), axis=0) if away else np.array([])
         stands = {side: (distance < NEAR_M) & (distance == nearest) for side, distance in away.items()}
-        near = [distance < NEAR_M for distance in away.values()]
+        near = [hidden, *(distance < NEAR_M for distance in away.values())]
         if entry.corners_m is not None:
             low, high = (f(np.asarray(entry.corners_m)[:, [0, 2]], axis=0) for f in (np.min, np.max))
             for foot in feet.values():
@@ -271,7 +274,8 @@ def describe_plates(
             rows = slice(one.start, one.stop)
             beyond = [overhang[s][rows][stands[s][rows]] for s in one.who if s in overhang]
             reach = np.concatenate([[-np.inf], *beyond]).max()
-            who = " and ".join(_FEET[side] for side in one.who) or "nobody"
+            nobody = "a foot that is not seen" if hidden[rows].mean() > _BOTH else "nobody"
+            who = " and ".join(_FEET[side] for side in one.who) or nobody
             edge = f", {1e3 * reach:.0f} mm over its edge" if reach > EDGE_M else ""
             said.append(f"{who} {trial.times[one.start]:.2f}–{trial.times[one.stop - 1]:.2f} s{edge}")
         changes = {
@@ -302,7 +306,7 @@ def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray
 
 
 def _measure_offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:
-    """The steady reading while no foot is near, N; None where there is no such time or it is not steady."""
+    """The steady reading while both feet are seen elsewhere, N; None where there is none."""
     rows = alone & np.isfinite(pressing)
     if rows.sum() < _FEWEST:
         return None

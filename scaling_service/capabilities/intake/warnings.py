@@ -43,12 +43,20 @@ def check_standing(
     if static is None and moving and wanted:
         yield _make_warning(
             "nobody stands still in any recording: segments are measured on the movements, where skin "
-            "slides, and tracking markers cannot be placed",
+            "slides, and tracking markers are placed there, too",
             "Record a few seconds of standing with all markers, or name such a recording",
             field="trials.static",
         )
     if static is None or static not in trials:
         return
+    if not standing.is_upright(trials[static]):
+        yield _make_warning(
+            "nobody stands upright in it, for a leg is bent as in sitting",
+            "Name a recording of standing, or record one: sizes are taken here, and skin slides over joints "
+            "that are bent",
+            file=static,
+            field="trials.static",
+        )
     ratio = standing.compare_pelvis(trials[static], list(moving.values()))
     if abs(ratio - 1.0) > standing.ANOTHER_PELVIS:
         size = "wider" if ratio > 1.0 else "narrower"

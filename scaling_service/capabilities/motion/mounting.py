@@ -235,6 +235,7 @@ def _solve(
         shares = shares + (1.0 - shares) * float(np.median(own_shares))
     lawful = everyday.holds_skin(model)
     problem, task = everyday.pose_problem(model, joined, people, prior=prior, shares=shares, lawful=lawful)
+    problem = problem.hold_once()
     neutral = compiling.repeat_default_pose(model, 1)[0]
     within = replace(task, bounds=compiling.list_coordinate_ranges(model))
     start_q = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)

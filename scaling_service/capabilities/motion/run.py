@@ -28,6 +28,7 @@ from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.osim.setups import read_body_frames
 from scaling_service.files.recording import READERS
+from scaling_service.model import poses
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
@@ -35,6 +36,7 @@ from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
+from scaling_service.recording.same_person import ask_same_person
 from scaling_service.recording.settings import ProcessingSettings
 
 _READING = 0.2  # chosen: about the share of reading and processing
@@ -156,13 +158,30 @@ def ik(
             placed = _list_frames(session.subject)
             mounted = mount(session.model, trials, stood, placed=placed, turned=options.up is not None)
             trials = mounted.trials
-            loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
+            session = replace(session, notes=(*session.notes, *mounted.notes))
+        told = (note for trial in trials for note in _ask_whose_model(session.model, trial))
+        loaded = replace(loaded, session=replace(session, notes=(*session.notes, *told)))
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
             own = session.model if mounted is None or trial.rotations is None else mounted.model
             found[trial.name] = track(own, trial, skin=not options.bone_pins, angles=options.angles)
     report("done", 1.0)
     return result.Tracked(loaded, found, options, time.perf_counter() - clock)
+
+
+def _ask_whose_model(model: BodyModel, trial: Trial) -> abc.Iterator[Note]:
+    """Whether the recording can be of the model's person: its markers in one pose are one more recording."""
+    at = poses.pose_neutral_markers(model)
+    places = np.array([[at[name] for name in at]])
+    likeness = Trial(name="the model", times=np.zeros(1), labels=tuple(at), markers=places, rate_hz=1.0)
+    for found in ask_same_person((trial, likeness)):
+        yield Note(
+            code=found.code,
+            place=trial.name,
+            problem=found.problem,
+            remedy="Scale the model by a recording of this person and this placement of the markers",
+            hint="scale the model by a recording of this person and this placement",
+        )
 
 
 def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = False) -> result.TrackedTrial:

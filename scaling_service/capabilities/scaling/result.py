@@ -31,6 +31,7 @@ from scaling_service.model.subject import Session
 from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
+_WHOSE = ("another_person", "scale", "mass")  # codes of what leaves open whose body it is, or how large
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
@@ -230,7 +231,16 @@ def gather_evidence(results: Results) -> evidence.Evidence:
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
         geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
+        tuple(dict.fromkeys(_list_contradictions(results))),
     )
+
+
+def _list_contradictions(results: Results) -> abc.Iterator[str]:
+    """By which recordings and images look like more than one body, or none."""
+    yield from (str(note) for note in results.session.notes if note.code in _WHOSE)
+    for scaling in results.scalings.values():
+        yield from scaling.calibration.contradictions
+    yield from geometries.list_doubts({name: s.errors for name, s in results.scalings.items()}, {}, None)
 
 
 def _gather_method_evidence(

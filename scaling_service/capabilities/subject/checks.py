@@ -275,9 +275,9 @@ def _tell_unseen(
     if missing:
         yield notes.Note(
             code="missing",
-            problem=f"no recording shows {list_few(missing)} of the model: not used",
-            remedy="If they were recorded under other names, map those under `markers:`; else nothing is to "
-            "be done",
+            problem=f"no recording shows {list_few(missing)} of the model",
+            remedy="If they were recorded under other names, map those under `markers:`; without them "
+            "results are less certain",
         )
     for label in subject.extra_markers:
         if label not in shown:

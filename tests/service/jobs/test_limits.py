@@ -96,7 +96,8 @@ def test_an_error_of_the_user_keeps_its_words_without_our_folders(run: Callable[
         "problem": "trial 'walk' has no marker 'RASIS'; it has RKNE",
         "file": "S01/walk.trc",
         "field": "markers.RASIS",
-        "remedy": "Map the label that means 'RASIS' under `markers:` in the subject file",
+        "remedy": "Map the label that means 'RASIS' under `markers:` in the subject file; if none does, "
+        "record it",
     }
 
 

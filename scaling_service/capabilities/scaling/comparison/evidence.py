@@ -84,11 +84,13 @@ class Evidence:
     ``imaged``: joint centres that images show: ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones.
     ``usual_lengths``: ``femur_r`` … to what is usual for the person's height, m; empty where the height is
         not known.
+    ``contradictions``: by which recordings and images look like more than one body, a sentence each.
     """
 
     methods: tuple[MethodEvidence, ...]
     imaged: frozenset[str] = frozenset()
     usual_lengths: abc.Mapping[str, float] = field(default_factory=dict)
+    contradictions: tuple[str, ...] = ()
 
     @property
     def reference(self) -> MethodEvidence | None:

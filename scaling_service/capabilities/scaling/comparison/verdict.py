@@ -79,6 +79,7 @@ def judge(evidence: Evidence) -> Verdict:
             f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
             "the model does not describe."
         )
+    doubts += [f"{said}." for said in evidence.contradictions]
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
         doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
@@ -105,7 +106,7 @@ def judge(evidence: Evidence) -> Verdict:
     return Verdict(
         method=chosen.method,
         strength=strength,
-        headline=_write_headline(chosen, strength),
+        headline=_write_headline(chosen, strength, evidence),
         why=(*doubts, *why),
         trust=rate_trust(chosen, evidence),
     )
@@ -122,9 +123,12 @@ def _describe_unusual(lengths: tuple[str, ...]) -> str:
     return f"{list_few(lengths)} would be unusual for the person's height."
 
 
-def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
+def _write_headline(chosen: MethodEvidence, strength: Strength, evidence: Evidence) -> str:
     if chosen.method != ANSWER:
         return f"{chosen.method} is one estimate of several: compute {ANSWER} to know how far to trust it."
+    if strength == "undecided":
+        images = " and images" if evidence.imaged else ""
+        return f"Look at the recordings{images} before you use any model of this person."
     known = [
         f"{what} to ± {unit(max(sds.values()))}"
         for what, sds, unit in (
@@ -134,8 +138,6 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
         if sds
     ]
     said = f": {', '.join(known)}" if known else ""
-    if strength == "undecided":
-        return f"Look at the recordings before you use any model of this person{said}."
     if strength == "leaning":
         return f"Use {ANSWER} for this person, which leans on what is ordinary in people{said}."
     return f"Use {ANSWER} for this person{said}."
@@ -167,6 +169,8 @@ def _rate_markers(chosen: MethodEvidence) -> Graded:
 
 
 def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+    if evidence.contradictions:
+        return "poor", f"What they rest on contradicts itself: {evidence.contradictions[0]}."
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
         return "poor", _describe_unusual(odd)

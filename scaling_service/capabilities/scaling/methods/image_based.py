@@ -290,9 +290,7 @@ def _scale(
     base = image_points.size_beside_legs(session, settings, start, evidence)
     pelvis = None if parts.pelvis is None else _fit_pelvis(session, base, parts.pelvis)
     if session.subject.model.lower().endswith(".osim"):
-        onto = _bring_onto_bones(base, evidence, parts, standing, pelvis)
-        doubts = image_points.doubt_sizes(start.model, onto.model, onto.image_poses)
-        return replace(onto, warnings=(*onto.warnings, *doubts))
+        return _bring_onto_bones(base, evidence, parts, standing, pelvis)
     model, notes = base.model, [*base.warnings]
     frames: dict[str, Frames] = {}
     if pelvis is not None:
@@ -322,7 +320,7 @@ def _scale(
     seen = {segment for segment, _ in imaged.values()}
     if standing is not None:
         model = placement.place_on(model, standing, frozenset(model.segment_names) - seen)
-    notes += [*_list_notes(model, parts, placed), *image_points.doubt_sizes(start.model, model, frames)]
+    notes += _list_notes(model, parts, placed)
     return results.Calibration(
         method="EB",
         model=model,
@@ -399,5 +397,11 @@ class ImageBased:
         clock = time.perf_counter()
         doubts = doubt_landmarks(evidence, session.static)
         found = _state_deviations(_scale(session, settings, start, evidence), evidence)
-        warnings = (*found.warnings, *doubts)
-        return replace(found, warnings=warnings, wall_s=time.perf_counter() - clock)
+        imaged = [segment for segment, whose in found.bone_sized.items() if whose == "own"]
+        doubts += image_points.doubt_sizes(start.model, found.model, {*found.image_poses, *imaged})
+        return replace(
+            found,
+            warnings=(*found.warnings, *doubts),
+            contradictions=tuple(doubt.removeprefix("EB: ") for doubt in doubts),
+            wall_s=time.perf_counter() - clock,
+        )

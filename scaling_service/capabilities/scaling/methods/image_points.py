@@ -185,11 +185,10 @@ def size_by_lengths(
         "centres stay as markers have them, and other sizes are those of persons with such bones, as far as "
         "markers allow"
     ]
-    doubts = doubt_sizes(start.model, found.model, own)
     return replace(
         found,
         method="EB",
-        warnings=(*found.warnings, *notes, *doubts),
+        warnings=(*found.warnings, *notes),
         bone_sized=dict.fromkeys(own, "own"),
     )
 

@@ -159,7 +159,7 @@ def _with_markers(
 
     Landmarks that were not marked stand in as virtual ones while the model is posed for that, no longer.
     """
-    setup, notes = session.scale_setup, list[str]()
+    setup, notes, posed = session.scale_setup, list[str](), standing
     if setup is not None and setup.placement is not None:
         model = placement.place_markers(model, standing, setup.placement)
     elif setup is None:
@@ -170,8 +170,13 @@ def _with_markers(
             notes.append(
                 f"MB: {len(placed)} tracking markers placed from '{standing.name}': {list_few(placed)}"
             )
-        return placement.add_markers(model, session.subject.extra_markers, posed), tuple(notes)
-    return placement.add_markers(model, session.subject.extra_markers, standing), tuple(notes)
+    model, unposed = placement.add_markers(model, session.subject.extra_markers, posed)
+    if unposed:
+        notes.append(
+            f"MB: {list_few(unposed)} left out: no landmark shows where the bones are that they move with; "
+            "mark both ends of each in a standing trial, or map their labels under `markers:`"
+        )
+    return model, tuple(notes)
 
 
 def _apply_functional(

@@ -66,13 +66,18 @@ def with_axis(model: body.BodyModel, joint: str, tilt: parameters.Tilt) -> body.
     return parameters.fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
 
 
-def add_markers(model: body.BodyModel, extra: abc.Mapping[str, str], trial: Trial) -> body.BodyModel:
+def add_markers(
+    model: body.BodyModel, extra: abc.Mapping[str, str], trial: Trial
+) -> tuple[body.BodyModel, tuple[str, ...]]:
     """Further markers on named segments, each at its mean local position over a trial.
 
-    The model's pose comes from the markers it has; a marker that the trial does not show is left out.
+    The model's pose comes from the markers it has; a marker that the trial does not show is left out. So is
+    one on a segment that the pose merely guesses: that bears no marker of the model itself, nor lies between
+    two that do. A cluster shows how a bone moves, and its landmarks where the bone is.
 
     ``extra``: label (already the name that the marker will have) to segment.
     ``trial``: the static trial, or any other in which the markers are seen.
+    Returns the model and the markers that were left out for want of a pose.
     Raises TrialUnusable: ``extra`` names a segment that the model does not have.
     """
     wanted = {name: segment for name, segment in extra.items() if name not in model.marker_names}
@@ -83,11 +88,16 @@ def add_markers(model: body.BodyModel, extra: abc.Mapping[str, str], trial: Tria
             field="extra_markers",
             remedy=f"Its segments are {', '.join(model.segment_names)}",
         )
+    bearing = {model.marker(name).segment for name in _list_seen(trial, model.marker_names)}
+    above = {s.name for s in model.segments if s.parent in (body.GROUND, *bearing)}
+    below = {s.parent for s in model.segments if s.name in bearing}
+    unposed = tuple(name for name, segment in wanted.items() if segment not in bearing | (above & below))
+    wanted = {name: segment for name, segment in wanted.items() if name not in unposed}
     if not wanted:
-        return model
+        return model, unposed
     found = _locate(model, trial, wanted)
     added = tuple(body.Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
-    return model.with_markers((*model.markers, *added))
+    return model.with_markers((*model.markers, *added)), unposed
 
 
 def place_tracking_markers(model: body.BodyModel, trial: Trial) -> tuple[body.BodyModel, tuple[str, ...]]:

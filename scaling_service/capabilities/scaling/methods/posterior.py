@@ -11,6 +11,7 @@ import time
 from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import permutations
 
 import numpy as np
 
@@ -97,6 +98,7 @@ class JointPosterior:
             freed, prior = _free(start, frames.trial.shown_labels, session, own, imaged)
             said = frames.shares * frames.unlike
             problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=said)
+            problem = problem.hold_once()
             if p is not None:
                 latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
                 problem = posterior.integrate_over(problem, q, p, latent)
@@ -150,9 +152,11 @@ class JointPosterior:
             iterations=steps,
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *unused, *_list_warnings(found, estimated)),
+            contradictions=start.contradictions,
             image_poses=start.image_poses,
             sizes=(
-                {
+                dict(start.sizes)
+                | {
                     segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
                     for segment, size in start.sizes.items()
                     if (name := f"scale.{segment}") in values
@@ -213,11 +217,14 @@ def _free(
     """The start's model with everything freed, and what is known of each number."""
     model = start.model
     shown = [m for m in model.markers if m.name in seen and m.weight > 0.0]
-    carrying = list(dict.fromkeys(m.segment for m in shown))
+    bearing = list(dict.fromkeys(m.segment for m in shown))
+    # A thigh without a marker still says how far the foot is from the pelvis.
+    chains = (lengths.list_chain(model, *ends) for ends in permutations(bearing, 2))
+    carrying = list(dict.fromkeys([*bearing, *(segment.name for chain in chains for segment in chain)]))
     pelvis, knees = lengths.find_segment(model, "pelvis", ""), find_tiltable_knees(model)
     femurs = {side: lengths.find_segment(model, "femur", side) for side in "rl"}
     hips = {s: f for s, f in femurs.items() if f in carrying and model.segment(f).parent == pelvis}
-    drivers = {segment: _list_drivers(model, segment, people) for segment in carrying}
+    drivers = {segment: _list_drivers(model, segment, people) for segment in bearing}
     freed = free_named(model, list(_list_names(shown, carrying, pelvis, knees, tuple(hips), drivers)))
 
     prior = GaussianPrior([p.name for p in freed.parameters])

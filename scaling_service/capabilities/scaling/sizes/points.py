@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import abc
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -164,14 +165,22 @@ def _name(label: str) -> str:
 
 
 def measure_standing_legs(points: anatomy_centres.Points) -> dict[str, float]:
-    """ASIS to medial malleolus by side, means over the frames that show both (m)."""
+    """ASIS to medial malleolus by side, means over the frames that show both (m).
+
+    Past the middle of the knee where both epicondyles are there, for not everybody can stand straight.
+    """
     found = {}
     for side in "rl":
-        ends = [points.get(f"{side.upper()}{name}") for name in ("ASIS", "MM")]
-        if ends[0] is not None and ends[1] is not None:
-            distance = np.linalg.norm(ends[0] - ends[1], axis=1)
-            if np.isfinite(distance).any():
-                found[side] = float(np.nanmean(distance))
+        asis, lateral, medial, malleolus = (
+            points.get(f"{side.upper()}{name}") for name in ("ASIS", "LFE", "MFE", "MM")
+        )
+        if asis is None or malleolus is None:
+            continue
+        bend = [] if lateral is None or medial is None else [(lateral + medial) / 2.0]
+        way = pairwise([asis, *bend, malleolus])
+        distance = np.sum([np.linalg.norm(one - other, axis=1) for one, other in way], axis=0)
+        if np.isfinite(distance).any():
+            found[side] = float(np.nanmean(distance))
     return found
 
 

@@ -97,7 +97,7 @@ def test_what_is_wrong_with_a_recording_stands_before_what_is_likelier() -> None
     first, second = found(recordings).findings.named
     assert (first.candidate.kind, first.candidate.where) == ("marker_offset", ("LFH",))
     assert second.candidate.kind == "segment_length"
-    assert second.odds > first.odds
+    assert (second.odds, second.gain) > (first.odds, first.gain)
 
 
 def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:

@@ -1,4 +1,4 @@
-"""What a declared mass says of a load and of a segment's mass, against integrals over a grid."""
+"""What a declared mass says of loads and masses, against integrals over a grid, and of plates' gains."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.stats import norm
 
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import DECLARED, hear_declared, hear_sum
+from scaling_service.capabilities.discovery.search.markers import Ranked
+from scaling_service.capabilities.discovery.search.searching import place_mass
 
 SD, SCORE, INFORMATION = 4.0, 9.0, 1.5  # kg; of forces that say 6 kg
 DECLARED_KG = 60.0
@@ -47,3 +50,22 @@ def test_a_segment_lacks_what_the_model_lacks_or_its_total_was_set_whatever_it_l
     assert heard.bayes == pytest.approx(bayes, abs=1e-6)
     sizes = [said_by_forces().size[0], integrate(weigh_reading(DECLARED_KG - model))[1]]
     assert min(abs(heard.size[0] - size) for size in sizes) < 1e-6  # that of the likelier of the two
+
+
+@pytest.mark.parametrize(
+    ("disagree", "trials", "first"),
+    [
+        (False, ("walk",), "plate_gain"),
+        (True, ("walk",), "body_mass"),  # a mass of each recording, or a gain of one
+        (True, (), "plate_gain"),  # one number for all recordings against a mass of each
+    ],
+)
+def test_a_mass_of_each_recording_is_one_number_with_a_gain_there(
+    disagree: bool, trials: tuple[str, ...], first: str
+) -> None:
+    gain = Ranked(9.0, Candidate(kind="plate_gain", where=("plate_1",), columns=(), trials=trials))
+    bias = Ranked(2.0, Candidate(kind="plate_bias", where=("plate_1",), columns=()))
+    mass, ranked = Ranked(7.0, Candidate(kind="body_mass", where=("world",), columns=())), [gain, bias]
+    ranked.insert(place_mass(ranked, mass, disagree=disagree), mass)
+    assert ranked[0].candidate.kind == first
+    assert ranked[2] is bias

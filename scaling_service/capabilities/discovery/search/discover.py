@@ -138,8 +138,8 @@ def _summarise(
 
 
 def _rank(named: NamedEffect) -> tuple[bool, float]:
-    """What is at fault in a recording first, for all else was found in spite of it; then by the odds."""
-    return not find_effects()[named.candidate.kind].of_recording, -named.odds
+    """What is at fault in a recording first, for it is mended first; then what takes most off the gap."""
+    return not find_effects()[named.candidate.kind].of_recording, -named.gain
 
 
 def _finish(one: Named, search: Search) -> NamedEffect:

@@ -349,10 +349,9 @@ class Search(Naming):
         mass = None if declared is None else make_candidate(self.fit, declared)
         if mass is not None and weight is not None:
             of_mass = Ranked(loads.mass, mass)
-            at = bisect_left(ranked, -of_mass.odds, key=lambda one: -one.odds)
-            if weight.disagree:  # which is one number with gains and biases of their plates
-                at = next((k for k, one in enumerate(ranked[:at]) if one.candidate.kind != MASS), at)
-            ranked.insert(at if of_mass.odds >= self.settings.odds else len(ranked), of_mass)
+            likely = of_mass.odds >= self.settings.odds
+            at = place_mass(ranked, of_mass, disagree=weight.disagree) if likely else len(ranked)
+            ranked.insert(at, of_mass)
         return loads, ranked
 
     def _hear_declared(
@@ -381,6 +380,19 @@ class Search(Naming):
 
     def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:
         return fit_wrenches(replace(self.fit, effects=tuple(effects)))
+
+
+def place_mass(ranked: Sequence[Ranked], mass: Ranked, *, disagree: bool) -> int:
+    """Where the body's mass stands among candidates in the order of their odds.
+
+    Where recordings disagree about it, it is one number with the gains and biases of single recordings'
+    plates, and comes before them.
+    """
+    at = bisect_left(ranked, -mass.odds, key=lambda one: -one.odds)
+    if not disagree:
+        return at
+    before = enumerate(r.candidate for r in ranked[:at])
+    return next((k for k, c in before if c.kind != MASS and c.trials), at)
 
 
 def _pitch(effects: Sequence[Estimate]) -> list[float]:

@@ -33,8 +33,8 @@ def invert_root(products: Array) -> Array:
 
     Examples
     --------
-    >>> invert_root(np.diag([3.0, 0.0])).tolist()
-    [[0.5, 0.0], [0.0, 1.0]]
+    >>> invert_root(np.array([[3.0, 2.0], [2.0, 4.0]])).tolist()  # 1 + products = [[4, 2], [2, 5]]
+    [[0.5, 0.0], [-0.25, 0.5]]
     """
     factor = np.linalg.cholesky(np.eye(len(products)) + products)
     root, _ = scipy.linalg.lapack.dtrtri(factor, lower=1)

@@ -20,6 +20,7 @@ import yaml
 
 from scaling_service.guide.pages import FIGURES
 from scaling_service.report.tables import Table, to_cell
+from scaling_service.report.words import spell_name
 from scaling_service.studies.benchmark.parts import OURS
 from scaling_service.studies.benchmark.result import DOCUMENT, BenchmarkDocument, make_tables, read_document
 from tests.living_bone.errors import Way, judge_sets
@@ -97,7 +98,7 @@ def measure_persons() -> dict[str, Any]:
     rows = [
         [
             method if k == 0 else "",
-            name.replace("_", " "),
+            spell_name(name),
             f"{errors.rms:.1f}",
             "not stated" if np.isnan(errors.stated) else f"{errors.stated:.1f}",
             *("–" if np.isnan(errors.stated) else f"{errors.cover(part):.0%}" for part in (50, 80, 95)),

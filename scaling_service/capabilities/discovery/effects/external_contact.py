@@ -40,7 +40,7 @@ def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, 
     ``ordinary``: what is ordinary of each component (6,) in each recording, N and N m. Cameras that shake in
     one recording make forces of any course of it, and may in others: there is none then.
     """
-    if any(repair.what == "shaking" for item in fit.tracked for repair in item.trial.repairs):
+    if any(item.shakes for item in fit.tracked):
         return []
     found, feet = [], set(find_feet(fit.model))
     known = {e.candidate.where[0] for e in fit.effects if e.candidate.kind == KIND}  # in other recordings

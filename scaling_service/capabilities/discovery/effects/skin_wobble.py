@@ -45,8 +45,7 @@ def find_swinging_skin(
     looks = [
         _Skin.of(w, left, base, w.look.item.markers)
         for w, left in whites
-        if w.look.item.step * len(w.look.item.q) > _FEWEST_S
-        and not any(repair.what == "shaking" for repair in w.look.item.trial.repairs)
+        if w.look.item.step * len(w.look.item.q) > _FEWEST_S and not w.look.item.shakes
     ]
     groups = [g for segment in scene.bearing for g in scene.groups_on(segment.name)]
     if not looks or not groups:

@@ -105,6 +105,11 @@ class MotionFit:
         )
 
     @property
+    def shakes(self) -> bool:
+        """Whether all markers tremble together, with the cameras."""
+        return any(repair.what == "shaking" for repair in self.trial.repairs)
+
+    @property
     def name(self) -> str:
         """The trial's."""
         return self.trial.name

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.trc import read_trc
 from tests.peers.worker import serve
@@ -22,6 +23,8 @@ def _solve(request: dict[str, Any]) -> dict[str, Any]:
         motion = inverse_kinematics(model, trial, weights=request["weights"])
         spent.append(time.process_time() - start)
     squared = motion.distances**2
+    task = Task.of(model, trial, weights=request["weights"])
+    held = dict(zip(task.model.coordinate_names, task.ranges.weight.max(axis=0).tolist(), strict=True))
     weights = np.array([request["weights"][name] for name in motion.markers])
     return {
         "s_per_frame": min(spent) / trial.n_frames,
@@ -29,6 +32,7 @@ def _solve(request: dict[str, Any]) -> dict[str, Any]:
         "coordinates": len(motion.estimated),
         "rms": float(np.sqrt(np.nanmean(squared))),
         "weighted": float(np.nansum(weights * squared)),
+        "held": {name: weight for name, weight in held.items() if weight > 0.0},
     }
 
 

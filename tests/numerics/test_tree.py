@@ -109,6 +109,8 @@ def test_only_the_variables_asked_for_are_derived_in_the_order_asked_for() -> No
     some = np.array([12, 3, 9])
     every = compute_jacobian(tree, poses, placed, np.arange(tree.n_coordinates + tree.n_parameters))
     np.testing.assert_array_equal(compute_jacobian(tree, poses, placed, some), every[some])
+    moving = np.asarray((every[: tree.n_coordinates] != 0.0).any(axis=(2, 3))).T
+    np.testing.assert_array_equal(tree.followed, moving)
 
 
 def test_moving_the_ground_origin_moves_every_marker_alike() -> None:

@@ -36,9 +36,8 @@ _ROUGH = sweep.SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = sweep.SweepSettings(close=True)
 _PROBE = sweep.SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
-_RELEASE = sweep.SweepSettings(
-    max_steps=3
-)  # chosen: enough to see that limits hold a limb far off its markers
+# Chosen: enough to see that limits hold a limb far off its markers
+_RELEASE = sweep.SweepSettings(left=2e-2, max_steps=3)
 _MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
@@ -147,14 +146,14 @@ def solve_task(
     moments = times[rows]
     part = within.in_frames(rows)
     free = replace(within, bounds=(np.full(len(within.free), -np.inf), np.full(len(within.free), np.inf)))
-    continuous = join_branches(within.tree, natural.q, within.bounds, within.bounds, natural.q[0])
+    joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
     doubts = motion_doubts.find_held(part, natural.q, _solver(free, rows, _RELEASE))
     doubts |= motion_doubts.find_outlying(
         part, natural.q, np.flatnonzero(natural.cost > _find_limit(natural.cost))
     )
     far, jumps = (
         motion_doubts.find_far(part, natural.q),
-        motion_doubts.find_jumps(part, moments, continuous),
+        motion_doubts.find_jumps(part, moments, joined),
     )
     doubts |= far
     sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
@@ -162,7 +161,7 @@ def solve_task(
         doubts.any() and restarts.confirm_doubts(part, natural, doubts, _solver(within, rows, _PROBE))
     ):
         natural = restarts.choose_minima(part, moments, natural, doubts | jumps, _solver(within, rows))
-    joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
+        joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
     close = joined if stride == 1 else _interpolate(times, rows, joined)
     fine = free_trapped(
         solve_from(task, slice(None), close, progress, _FINE), lambda some, near: solve_from(task, some, near)

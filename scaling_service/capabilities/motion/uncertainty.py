@@ -311,7 +311,10 @@ def find_determined(
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
     verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables, closure)
-    doubted = np.flatnonzero(~verdict.all(axis=1))
+    left_open = ~verdict
+    if closure is None:  # what no marker follows stays open in every pose
+        left_open &= (shown[first] & (weights > 0.0)) @ tree.followed
+    doubted = np.flatnonzero(left_open.any(axis=1))
     if len(doubted):
         frames = [np.flatnonzero(which == k) for k in doubted]
         rows = np.array([own[int(share * (len(own) - 1))] for share in _OTHERS for own in frames])

@@ -72,6 +72,18 @@ class Tree:
         return tuple(run_of(np.array(sorted(s), dtype=np.intp)) for s in below)
 
     @cached_property
+    def followed(self) -> NDArray[np.bool_]:
+        """Whether a marker moves with a coordinate at all, (n_markers, n_coordinates)."""
+        found = np.zeros((self.n_markers, self.n_coordinates), dtype=bool)
+        for below, own in zip(self.carried, self.variables, strict=True):
+            for v in own:
+                if v < self.n_coordinates:
+                    found[below, v] = True
+        for item in self.gliding:
+            found[item.marker, [v for v in list_variables(self, item.term) if v < self.n_coordinates]] = True
+        return found
+
+    @cached_property
     def marker_rows(self) -> tuple[NDArray[np.intp], ...]:
         """For every link the markers that sit on it."""
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))

@@ -29,14 +29,14 @@ _Choice = tuple[Sequence[Column], str, Callable[[Array], bool] | None]
 
 
 def _at_plates(
-    kind: str, choose: Callable[[str], Iterable[_Choice]]
+    kind: str, choose: Callable[[str], Iterable[_Choice]], *, of_place: bool = False
 ) -> Callable[[Scene], Iterator[Candidate]]:
-    """Every loaded plate, in all recordings and in each."""
+    """Every loaded plate, in all recordings and in each; how it lies is one for all (``of_place``)."""
 
     def propose(scene: Scene) -> Iterator[Candidate]:
         for plate in scene.plates:
             for columns, note, together in choose(plate):
-                for trials in scene.scopes_of_plate(plate):
+                for trials in scene.scopes_of_plate(plate)[: 1 if of_place else None]:
                     yield Candidate(
                         kind=kind,
                         where=(plate,),
@@ -115,13 +115,13 @@ EFFECTS = (
     Effect(
         kind="plate_position",
         meaning="the plate lies elsewhere, so that its centre of pressure is shifted",
-        candidates=_at_plates("plate_position", _choose_place),
+        candidates=_at_plates("plate_position", _choose_place, of_place=True),
         of_recording=True,
     ),
     Effect(
         kind="plate_rotation",
         meaning="the plate is turned",
-        candidates=_at_plates("plate_rotation", _choose_rotations),
+        candidates=_at_plates("plate_rotation", _choose_rotations, of_place=True),
         of_recording=True,
     ),
     Effect(

@@ -65,6 +65,7 @@ _LIVELY = 1.645
 _MANY = 3  # others alike, from which what is there is not told (chosen: a person can check as many)
 LIVELY = "most like {}, which leaves its place livelier than others"
 DRIFTS = "most like {}, but of a size that changes in the course of a recording"
+GROWN = "most like {}, but of a size that nobody meets"
 ONE_OF_MANY = "most like {}, and as much like several others"
 
 _TUNED, _IN_TUNE = 6, 0.005
@@ -257,17 +258,23 @@ class Search(Naming):
         return self._withdraw_of_forces(loads)
 
     def _withdraw_of_forces(self, loads: Loads) -> tuple[WrenchTable, ForceEvidence]:
-        """Without what changes in the course of a recording, or is one of many alike.
+        """Without what changes in the course of a recording, has grown out of what is met, or is one of many.
 
         What was named after it was found in what it left, and goes with it.
         """
         ours = [n for n in self.named if not is_of_markers(n.ranked.candidate)]
         for k, one in enumerate(ours):
             candidate = one.ranked.candidate
-            drifts = is_of_forces(candidate) and self._score_drift(loads, candidate) > self.settings.odds
-            if not drifts and len(one.equivalents) < _MANY:
+            size = next(e.size for e in self.fit.effects if e.candidate.key == candidate.key)
+            if is_of_forces(candidate) and not is_met(candidate, size, self.fit.model):
+                reason, where = GROWN, tuple[str, ...]()
+            elif is_of_forces(candidate) and self._score_drift(loads, candidate) > self.settings.odds:
+                reason, where = DRIFTS, ()
+            elif len(one.equivalents) >= _MANY:
+                reason, where = ONE_OF_MANY, (self._find_most(one),)
+            else:
                 continue
-            self._withdraw(one, DRIFTS if drifts else ONE_OF_MANY, () if drifts else (self._find_most(one),))
+            self._withdraw(one, reason, where)
             later = {n.ranked.candidate.key for n in ours[k:]}
             for key in later:
                 self._forget(key)

@@ -13,6 +13,7 @@ from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
+from scaling_service.core.text import list_few
 from scaling_service.numerics.statistics import agreement, complete
 from scaling_service.numerics.statistics import waveforms as statistics_waveforms
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
@@ -100,8 +101,22 @@ def compute_cohort_statistics(
             max_below_mm=GATE_MAX_M * _MM,
             methods=gate,
         ),
-        notes=[*references, *(a for a in compared if isinstance(a, str))],
+        notes=[*_tell_twins(ordered), *references, *(a for a in compared if isinstance(a, str))],
     )
+
+
+def _tell_twins(subjects: abc.Sequence[summaries.SubjectSummary]) -> abc.Iterator[str]:
+    """Subjects whose figures are the same to the last digit, which no two persons' are."""
+    alike: dict[str, list[str]] = {}
+    for one in subjects:
+        if one.methods:
+            alike.setdefault(repr(one.methods), []).append(one.subject)
+    for names in alike.values():
+        if len(names) > 1:
+            yield (
+                f"{list_few(names)} are one person: all their figures are the same. Their recordings count "
+                f"{len(names)} times, so that spreads and p values are too small: leave all but one out"
+            )
 
 
 def compare_with_references(

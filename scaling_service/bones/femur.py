@@ -182,7 +182,14 @@ def _collect(
         points["hip_centre"] = surface.to_image(head.centre)
         balls["head"] = fits.place_sphere(surface, head)
         off["hip_centre"] = deviate_sphere(surface, head)
-        notes += _ask_whether_round(surface, head)
+        oblong, direction = fits.measure_stretch(surface, head)
+        if oblong > ROUND:
+            axis = "xyz"[int(np.argmax(np.abs(surface.turn_to_image(direction))))]
+            notes.append(
+                f"its head is no ball: its radii differ by {oblong:.0%}, most along the image's {axis}, "
+                "while heads are round within 6 %. Check the spacing of voxels and slices: if the image is "
+                "stretched, so is every distance (a diseased head may be so, too)"
+            )
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)
@@ -222,20 +229,6 @@ def _collect(
         refused=refused,
         warnings=(*surface.notes, *notes),
     )
-
-
-def _ask_whether_round(surface: Surface, head: fits.SphereOnBone) -> list[str]:
-    """Says where a head is so oblong that the image, or the person's head, has lost its shape."""
-    share, direction = fits.measure_stretch(surface, head)
-    if share <= ROUND:
-        return []
-    along = surface.turn_to_image(direction)
-    axis = "xyz"[int(np.argmax(np.abs(along)))]
-    return [
-        f"its head is no ball: its radii differ by {share:.0%}, most along the image's {axis}, while heads "
-        "are round within 6 %. Check the spacing of voxels and slices: if the image is stretched, so is "
-        "every distance (a diseased head may be so, too)"
-    ]
 
 
 def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, results.Cylinder]) -> list[str]:

@@ -75,6 +75,16 @@ def compute_cohort_statistics(
             else f"joint angles are compared with {reference}, because not every subject has EB_am"
             for reference in used
         ]
+    alike: dict[str, list[str]] = {}
+    for one in ordered:
+        if one.methods:
+            alike.setdefault(repr(one.methods), []).append(one.subject)
+    twins = [
+        f"{list_few(names)} are one person: all their figures are the same. Their recordings count "
+        f"{len(names)} times, so that spreads and p values are too small: leave all but one out"
+        for names in alike.values()
+        if len(names) > 1
+    ]
     gate = []
     for method in present:
         passed = []
@@ -101,22 +111,8 @@ def compute_cohort_statistics(
             max_below_mm=GATE_MAX_M * _MM,
             methods=gate,
         ),
-        notes=[*_tell_twins(ordered), *references, *(a for a in compared if isinstance(a, str))],
+        notes=[*twins, *references, *(a for a in compared if isinstance(a, str))],
     )
-
-
-def _tell_twins(subjects: abc.Sequence[summaries.SubjectSummary]) -> abc.Iterator[str]:
-    """Subjects whose figures are the same to the last digit, which no two persons' are."""
-    alike: dict[str, list[str]] = {}
-    for one in subjects:
-        if one.methods:
-            alike.setdefault(repr(one.methods), []).append(one.subject)
-    for names in alike.values():
-        if len(names) > 1:
-            yield (
-                f"{list_few(names)} are one person: all their figures are the same. Their recordings count "
-                f"{len(names)} times, so that spreads and p values are too small: leave all but one out"
-            )
 
 
 def compare_with_references(

@@ -42,8 +42,8 @@ _STRAIGHT = 0.9  # chosen: hip to ankle over thigh and shank; 0.7 of somebody wh
 _LEANS_DEG = 12.5
 """From the vertical, of the line from the ankles to the shoulders (else the neck, the pelvis) of somebody who
 stands: the whole range, forward and backward together, over which people sway without a step (12.5 deg in the
-equilibrium score of computerised posturography, after Nashner). Of 10 persons who stand the largest is 4 deg,
-of 14 by the pelvis 8 deg."""
+equilibrium score of computerised posturography, after Nashner). Of 9 persons who stand the largest is 4 deg,
+of 13 by the pelvis 8 deg."""
 
 _HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 

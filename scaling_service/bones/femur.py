@@ -28,6 +28,11 @@ HEAD_COVERED = 0.42
 
 HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
 
+ROUND = 0.12
+"""Most by which a head is longer along one direction than along another, as a share: chosen, twice the 0.03
+to 0.06 of three persons (two CT, one MRI). An image stretched by a quarter along an axis gives 0.19 or
+more."""
+
 SET_OFF_M = 0.008
 """Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its
 trochanter 11."""
@@ -177,6 +182,14 @@ def _collect(
         points["hip_centre"] = surface.to_image(head.centre)
         balls["head"] = fits.place_sphere(surface, head)
         off["hip_centre"] = deviate_sphere(surface, head)
+        oblong, direction = fits.measure_stretch(surface, head)
+        if oblong > ROUND:
+            axis = "xyz"[int(np.argmax(np.abs(surface.turn_to_image(direction))))]
+            notes.append(
+                f"its head is no ball: its radii differ by {oblong:.0%}, most along the image's {axis}, "
+                "while heads are round within 6 %. Check the spacing of voxels and slices: if the image is "
+                "stretched, so is every distance (a diseased head may be so, too)"
+            )
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)

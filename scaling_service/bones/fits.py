@@ -23,6 +23,11 @@ _NARROWEST, _WIDEST = 0.02, 0.08  # shares of the radius between which that limi
 _START, _CLOSING = 0.25, 0.8  # first limit as a share of the radius, and how it closes with each step
 _SPHERE_STEPS = 60
 _SETTLED_M = 1e-7
+_REACH, _LOOSE, _SETTLED = (
+    1.5,
+    0.15,
+    1e-6,
+)  # of an ellipsoid, as shares of the radius: chosen, a quarter stretched
 _ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
 
@@ -135,6 +140,44 @@ def refine_sphere(
         covered=measure_coverage(surface, centre, support),
         support=support,
     )
+
+
+def measure_stretch(surface: Surface, ball: SphereOnBone) -> tuple[float, Array]:
+    """By how much a ball is longer along one direction than along another, as a share, and the direction.
+
+    The ellipsoid of least distances about the sphere, selected as the sphere is but by its own distances: a
+    point x lies on it where (I - S)(x - c) has the length R, with S symmetric and without a trace.
+    Returns the difference between the extreme eigenvalues of S and the direction (3,), in the surface's own
+    frame, of the one that is further from nought.
+    """
+    centre, radius, strain = ball.centre, ball.radius, np.zeros((3, 3))
+    reach = np.flatnonzero(np.linalg.norm(surface.smooth - centre, axis=1) < _REACH * radius)
+    smooth, points = surface.smooth[reach] - centre, surface.points[reach] - centre
+    normals, areas = surface.normals[reach], surface.areas[reach]
+    centre = np.zeros(3)
+    for step in range(_SPHERE_STEPS):
+        limit = max(_WIDEST, _LOOSE * _CLOSING**step) * radius
+        mapped = (smooth - centre) @ (np.eye(3) - strain)
+        length = np.maximum(np.linalg.norm(mapped, axis=1), 1e-9)
+        outward = mapped @ (np.eye(3) - strain)
+        facing = np.einsum("ij,ij->i", outward, normals) / np.maximum(np.linalg.norm(outward, axis=1), 1e-9)
+        gap = length - radius
+        near = (np.abs(gap) < limit) & (facing > _ALIGNED)
+        weight = (1.0 - (gap[near] / limit) ** 2) ** 2 * areas[near]
+        mapped = (points[near] - centre) @ (np.eye(3) - strain)
+        length = np.maximum(np.linalg.norm(mapped, axis=1), 1e-9)
+        a, b, c = u = (mapped / length[:, None]).T
+        parts = [a * a - c * c, b * b - c * c, 2.0 * a * b, 2.0 * a * c, 2.0 * b * c]
+        columns = np.column_stack([*u, np.ones(len(a)), *(radius * part for part in parts)])
+        root = np.sqrt(weight)
+        move = np.linalg.lstsq(root[:, None] * columns, root * (length - radius), rcond=None)[0]
+        centre, radius = centre + move[:3], radius + float(move[3])
+        xx, yy, xy, xz, yz = move[4:]
+        strain = strain + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]])
+        if np.abs(move).max() < _SETTLED:
+            break
+    values, directions = np.linalg.eigh(strain)
+    return float(values[2] - values[0]), directions[:, int(np.argmax(np.abs(values)))]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -88,3 +88,8 @@ def list_roles(trial: Trial) -> dict[str, str]:
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
     every = list(roles.values())
     return {label: role for label, role in roles.items() if every.count(role) == 1}
+
+
+def name_landmarks(trial: Trial) -> Trial:
+    """The labels of :func:`list_roles`, renamed to their landmarks."""
+    return trial.relabel(list_roles(trial))

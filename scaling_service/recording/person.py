@@ -14,6 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
@@ -36,6 +37,13 @@ _SAFE, _ODD = (
     np.log(witnesses.WRONG),
 )  # that a model's segment is as it says, and that it is not
 _FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
+
+_STRAIGHT = 0.9  # chosen: hip to ankle over thigh and shank; 0.7 of somebody who sits
+_LEANS_DEG = 12.5
+"""From the vertical, of the line from the ankles to the shoulders (else the neck, the pelvis) of somebody who
+stands: the whole range, forward and backward together, over which people sway without a step (12.5 deg in the
+equilibrium score of computerised posturography, after Nashner). Of 9 persons who stand the largest is 4 deg,
+of 13 by the pelvis 8 deg."""
 
 _HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 
@@ -253,19 +261,12 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
 
 
 def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[findings.Finding]:
-    """Whether somebody hangs head down throughout, which no standing trial shows; trials with Y up."""
+    """Whether somebody hangs head down throughout, or does not stand in the static trial; Y up."""
     for trial in trials:
         places = {role: trial.position(label) for label, role in findings.list_roles(trial).items()}
-        pelvis = [places[name] for name in ("RASIS", "LASIS", "SACR", "RPSIS", "LPSIS") if name in places]
         feet = [places[name] for name in ("RLM", "LLM", "RHEE", "LHEE") if name in places]
-        if not pelvis or not feet:
-            continue
-        up = np.mean(pelvis, axis=0) - np.mean(feet, axis=0)
-        known = up[np.isfinite(up).all(axis=1)]
-        if not len(known):
-            continue
-        cosine = known[:, 1] / np.linalg.norm(known, axis=1)
-        if cosine.max() < _HANGS:
+        pelvis = _find_steepness(places, feet, ("RASIS", "LASIS", "SACR", "RPSIS", "LPSIS"))
+        if pelvis is not None and pelvis.max() < _HANGS:
             yield findings.Finding(
                 code="upside_down",
                 place=trial.name,
@@ -273,6 +274,58 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[finding
                 problem="the feet are above the pelvis in every frame",
                 remedy="Correct which axis points up, or leave it out, so that it is found from the markers",
             )
+        elif trial.name == static:
+            yield from _ask_standing(trial, places)
+
+
+def _ask_standing(trial: Trial, places: Mapping[str, Array]) -> Iterator[findings.Finding]:
+    if not has_straight_legs(trial):
+        yield findings.Finding(
+            code="bent",
+            place=trial.name,
+            problem="nobody stands upright in it, for a leg is bent as in sitting",
+            remedy="Name a recording of standing, or record one: sizes are taken here, and skin slides over "
+            "joints that are bent",
+        )
+        return
+    ankles = [places[name] for name in ("RLM", "LLM") if name in places]
+    for upper in (("RSHO", "LSHO"), ("C7", "CLAV"), ("RASIS", "LASIS")):
+        if len(ankles) == len(upper) and {*upper} <= places.keys():
+            steep = _find_steepness(places, ankles, upper)
+            if steep is None:
+                continue
+            lean = float(np.degrees(np.arccos(np.clip(np.median(steep), -1.0, 1.0))))
+            if lean > _LEANS_DEG:
+                yield findings.Finding(
+                    code="leaning",
+                    place=trial.name,
+                    problem=f"who stands leans by {lean:.0f} deg against the laboratory's vertical, more "
+                    "than people can without a step: the laboratory's axes are tilted, or nobody stands",
+                    remedy="Calibrate the laboratory's vertical, or turn the recordings; until then tilts of "
+                    "pelvis and trunk, and all that rests on gravity, are off by as much",
+                )
+            return
+
+
+def _find_steepness(places: Mapping[str, Array], low: Sequence[Array], upper: Iterable[str]) -> Array | None:
+    """Cosines to the vertical of the line from low to upper places, in frames that show it; None without."""
+    high = [places[name] for name in upper if name in places]
+    if not high or not low:
+        return None
+    up = np.mean(high, axis=0) - np.mean(low, axis=0)
+    known = up[np.isfinite(up).all(axis=1)]
+    return known[:, 1] / np.linalg.norm(known, axis=1) if len(known) else None
+
+
+def has_straight_legs(trial: Trial) -> bool:
+    """Whether no leg is bent as in sitting, from the ASIS over the outer knee to the outer ankle."""
+    legs = {side: [f"{side}{name}" for name in ("ASIS", "LFE", "LM")] for side in "RL"}
+    shape = exchanged.measure_shape([findings.name_landmarks(trial)], legs)
+    for hip, knee, ankle in legs.values():
+        leg, thigh, shank = (shape.get(pair) for pair in ((hip, ankle), (hip, knee), (knee, ankle)))
+        if leg and thigh and shank and leg < _STRAIGHT * (thigh + shank):
+            return False
+    return True
 
 
 def ask_exchanged(trial: Trial) -> Iterator[findings.Finding]:

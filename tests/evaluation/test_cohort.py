@@ -101,6 +101,13 @@ def test_the_order_of_subjects_changes_nothing(cohort, statistics):
     assert turned == statistics
 
 
+def test_one_person_under_two_names_is_told(cohort, statistics):
+    assert not [note for note in statistics.notes if "one person" in note]
+    twice = replace(cohort[0], subject="S00 again")
+    found = compute_cohort_statistics([*cohort[:3], twice], METHODS, settings=QUICK)
+    assert [note for note in found.notes if note.startswith("S00, S00 again are one person")]
+
+
 def test_a_known_difference_along_the_cycle_is_found_where_it_is(statistics):
     found = statistics.curve("knee_angle_r")
     assert found.reference == "EB_am"

@@ -96,7 +96,7 @@ def test_who_sits_does_not_stand(tmp_path: Path) -> None:
 def test_that_nobody_stands_in_the_static_trial_is_said(tmp_path: Path) -> None:
     found = looked(tmp_path / "lab", {"static": sitting(), "walk": moving(1, "w")})
     assert static_of(found) == "static.trc"
-    assert reported(found, "static.trc", "trials.static", "nobody stands upright")
+    assert reported(found, "static.trc", "nobody stands upright")
 
 
 def test_legs_are_nearly_as_long_in_whoever_sits() -> None:
@@ -160,6 +160,30 @@ def test_forces_go_to_movements_by_time_where_names_do_not_decide(tmp_path: Path
     found = prove(folder, BARE, tmp_path / "out")
     assert found.proposal is not None
     assert found.proposal["forces"] == {"first.trc": "CD.mot", "second.trc": "AB.mot"}
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (1e-3, True), (1.0 / 600.0, True)])
+def test_forces_in_another_unit_are_told(tmp_path: Path, factor: float, told: bool) -> None:
+    """In kN and in body weights nobody stood on the plates, and nothing was said."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    one = record_on_plates(name="squat")
+    write_trc(folder / "squat.trc", one.trial, "mm")
+    plates = tuple(p * np.array([factor] * 3 + [1.0] * 3 + [factor] * 3) for p in one.plates)
+    write_forces(folder / "squat_grf.mot", one.trial.times, plates)
+    found = prove(folder, BARE, tmp_path / "out")
+    assert bool(reported(found, "squat.trc", "nobody weighs so little", "N")) is told
+
+
+def test_plates_that_nobody_uses_are_no_other_unit(tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    one = record_on_plates(name="squat")
+    write_trc(folder / "squat.trc", one.trial, "mm")
+    noise = np.random.default_rng(0)
+    plates = tuple(np.where(np.arange(9) // 3 == 1, p, noise.normal(0.0, 0.5, p.shape)) for p in one.plates)
+    write_forces(folder / "squat_grf.mot", one.trial.times, plates)
+    assert not reported(prove(folder, BARE, tmp_path / "out"), "nobody weighs so little")
 
 
 def test_forces_of_another_time_are_reported(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from scaling_service.files.recording import read_recording
 from scaling_service.model.body import BodyModel
@@ -295,6 +296,27 @@ def test_hanging_head_down_is_refused_of_who_stands() -> None:
     for static, severity in (("standing", "refusal"), (None, "warning")):
         found = ask(Recordings(trials=[hanging], static=static))
         assert codes(found, severity) == {"upside_down"}
+
+
+@pytest.mark.parametrize("axis", [0, 2], ids=["sideways", "forward"])
+@pytest.mark.parametrize("protocol", ["whole body", "legs"])
+def test_a_tilted_laboratory_is_told_by_who_stands(protocol: str, axis: int) -> None:
+    trial = record("standing", 15, PROTOCOLS[protocol])
+    straight = apply(decide(trial, roles=list_roles(trial)), trial)
+    turn = Rotation.from_euler("xyz"[axis], 20.0, degrees=True).as_matrix()
+    tilted = straight.with_markers(straight.markers @ turn.T)
+    for one, static, said in (
+        (straight, "standing", set()),
+        (tilted, None, set()),
+        (tilted, "standing", {"leaning"}),
+    ):
+        assert codes(ask(Recordings(trials=[one], static=static)), "warning") == said
+
+
+def test_a_squat_is_no_standing() -> None:
+    trial = record("sitting", 15)
+    assert codes(asked(trial, static="sitting"), "warning") == {"bent"}
+    assert not codes(asked(trial), "warning")
 
 
 def test_a_mirrored_person_is_not_told_to_stand_up_too() -> None:

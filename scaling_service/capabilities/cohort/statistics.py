@@ -13,6 +13,7 @@ from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
+from scaling_service.core.text import list_few
 from scaling_service.numerics.statistics import agreement, complete
 from scaling_service.numerics.statistics import waveforms as statistics_waveforms
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
@@ -74,6 +75,16 @@ def compute_cohort_statistics(
             else f"joint angles are compared with {reference}, because not every subject has EB_am"
             for reference in used
         ]
+    alike: dict[str, list[str]] = {}
+    for one in ordered:
+        if one.methods:
+            alike.setdefault(repr(one.methods), []).append(one.subject)
+    twins = [
+        f"{list_few(names)} are one person: all their figures are the same. Their recordings count "
+        f"{len(names)} times, so that spreads and p values are too small: leave all but one out"
+        for names in alike.values()
+        if len(names) > 1
+    ]
     gate = []
     for method in present:
         passed = []
@@ -100,7 +111,7 @@ def compute_cohort_statistics(
             max_below_mm=GATE_MAX_M * _MM,
             methods=gate,
         ),
-        notes=[*references, *(a for a in compared if isinstance(a, str))],
+        notes=[*twins, *references, *(a for a in compared if isinstance(a, str))],
     )
 
 

@@ -161,7 +161,7 @@ def prove(
             roles.with_sizes(intake_markers.with_extra_markers(proposed, model, markers, free, trials), sizes)
         )
     report("asking what scaling would refuse", _SHOWN)
-    look.problems += [*look.compare(), *roles.ask_for_person(sizes)]
+    look.problems += [*look.compare(sizes), *roles.ask_for_person(sizes)]
     look.problems += look.refusals(proposed, who)
     files = [look.role(item) for item in found]
     look.problems += warnings.check_unused_forces(files, look.recordings)
@@ -208,6 +208,7 @@ class _Look:
         self.forces = {f.name: f.content for f in found if isinstance(f.content, GroundForces)}
         self.recordings: list[documents.RecordingProof] = []
         self.trials: dict[str, Trial] = {}
+        self.ground: dict[str, GroundForces] = {}  # by the recordings' files, at their times
         self.axes: documents.AxesEntry | None = None
         self.problems += [*self._missing(), *self._folders()]
 
@@ -285,7 +286,7 @@ class _Look:
         self.axes = intake_files.make_axes_entry(axes, *given)
         for item in self.seen:
             try:
-                entry, trial = tables.check_recording(
+                entry, trial, forces = tables.check_recording(
                     item,
                     axes,
                     self._ground(item),
@@ -298,6 +299,8 @@ class _Look:
             else:
                 self.recordings.append(entry)
                 self.trials[item.file] = trial
+                if forces is not None:
+                    self.ground[item.file] = forces
 
     def _ground(self, item: intake_files.RecordingFile) -> tables.Ground | None:
         """The forces of the file that is for this recording, else of its own plates."""
@@ -326,7 +329,7 @@ class _Look:
             self.problems.append(intake_files.make_problem(error, file=wanted))
             return load_builtin(usual)
 
-    def compare(self) -> abc.Iterator[documents.ProblemEntry]:
+    def compare(self, sizes: documents.SizesProof) -> abc.Iterator[documents.ProblemEntry]:
         """What the recordings, compared with each other and with their forces, give cause to correct."""
         spans = {name: (float(f.times[0]), float(f.times[-1])) for name, f in self.forces.items()}
         yield from warnings.check_standing(self.roles, self.trials, wanted=not self.known.get("trials"))
@@ -334,6 +337,7 @@ class _Look:
         yield from warnings.check_labels(self.seen)
         yield from warnings.check_times(self.recordings, spans)
         yield from warnings.check_plates(self.recordings)
+        yield from warnings.check_weight(self.ground, self.trials, sizes)
         yield from warnings.check_faults(self.recordings)
 
     def refusals(

@@ -15,6 +15,8 @@ from scaling_service.model.anatomy import markers
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import measure_shape
+from scaling_service.recording.findings import name_landmarks
+from scaling_service.recording.person import has_straight_legs
 from scaling_service.recording.plausibility import find_unit_factor
 
 STILL_M = 0.02
@@ -35,11 +37,9 @@ ANOTHER_PELVIS = 0.08
 """Chosen: relative difference of the pelvis' width and depth between standing and moving beyond which
 markers were put on anew; skin moves those of real recordings by less than 5 %."""
 
-_LEG = ("ASIS", "LFE", "LM")
 _BELOW = ("pelvis", "femur", "tibia", "calcn")
 _MOST = 0.9  # chosen: of somebody who moves one foot, more markers of the legs move
 _FREE = 0.4  # chosen: arms and head of somebody who stands move 2.5 times as far as legs
-_STRAIGHT = 0.9  # chosen: hip to ankle over thigh and shank; 0.7 of somebody who sits
 _STEP_M = 0.002  # chosen: sway that differs by less is equal
 
 
@@ -135,7 +135,7 @@ def rank_standing(recordings: Sequence[RecordingFile]) -> list[Standing]:
             frames=trial.n_frames,
             lasts_s=float(trial.times[-1] - trial.times[0]),
             pelvis=compare_pelvis(trial, moving),
-            upright=is_upright(trial),
+            upright=has_straight_legs(trial),
             named=any(STANDING.match(word) for word in split_into_words(file)),
         )
         for file, trial in trials.items()
@@ -165,19 +165,6 @@ def count_landmarks(trial: Trial) -> int:
     return len({markers.find_canonical(label) for label in trial.shown_labels} - {None})
 
 
-def is_upright(trial: Trial) -> bool:
-    """Whether no leg is bent as in sitting, from the ASIS over the outer knee to the outer ankle."""
-    shape = measure_shape([_by_landmark(trial)], {side: [side + name for name in _LEG] for side in "RL"})
-    for side in "RL":
-        leg, thigh, shank = (
-            shape.get((f"{side}{first}", f"{side}{second}"))
-            for first, second in (("ASIS", "LM"), ("ASIS", "LFE"), ("LFE", "LM"))
-        )
-        if leg and thigh and shank and leg < _STRAIGHT * (thigh + shank):
-            return False
-    return True
-
-
 def compare_pelvis(trial: Trial, others: Sequence[Trial]) -> float:
     """The median of the pelvis' distances in one recording over those in others; 1 where none is known."""
     own, theirs = _list_pelvis_distances([trial]), _list_pelvis_distances(others)
@@ -187,16 +174,6 @@ def compare_pelvis(trial: Trial, others: Sequence[Trial]) -> float:
 
 def _list_pelvis_distances(trials: Sequence[Trial]) -> dict[tuple[str, str], float]:
     """Usual distances between the pelvis' landmarks, by landmark."""
-    return measure_shape(map(_by_landmark, trials), {"pelvis": ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")})
-
-
-def _by_landmark(trial: Trial) -> Trial:
-    """The labels whose landmark no other label has, renamed to it."""
-    marks = [markers.find_canonical(label) for label in trial.labels]
-    return trial.relabel(
-        {
-            label: m
-            for label, m in zip(trial.labels, marks, strict=True)
-            if m is not None and marks.count(m) == 1
-        }
+    return measure_shape(
+        map(name_landmarks, trials), {"pelvis": ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")}
     )

@@ -68,8 +68,8 @@ def check_recording(
     files: table_files.ArrayFiles,
     *,
     events_given: bool,
-) -> tuple[documents.RecordingProof, Trial]:
-    """One recording as it travels, its tables written, and the recording in the session's axes.
+) -> tuple[documents.RecordingProof, Trial, GroundForces | None]:
+    """One recording as it travels, its tables written, and it with its forces in the session's axes.
 
     ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
     given. ``events_given``: whether the document says its events.
@@ -81,7 +81,7 @@ def check_recording(
     distance, direction = _walk(trial)
     plates: list[base.PlateEntry] = []
     contacts: list[Contact] = []
-    force = pressure = None
+    force = pressure = ground_forces = None
     if turned is not None:
         # Tables of force and pressure, plates, and who stood on them. Corners and types are known of the
         # recording's own plates only.
@@ -135,7 +135,7 @@ def check_recording(
         ],
         problems=[*item.problems, *problems],
     )
-    return entry, trial
+    return entry, trial, ground_forces
 
 
 def _turn(

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections import abc
 
+import numpy as np
+
 from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.intake import standing
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
-from scaling_service.capabilities.intake.tables import OFFSET_N
+from scaling_service.capabilities.intake.tables import OFFSET_N, describe_plates
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
+from scaling_service.files.table_files import list_plates
+from scaling_service.model.anatomy.anthropometry import predict_dimensions
 from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording import plausibility
 from scaling_service.recording.exchanged import Exchange
 from scaling_service.recording.findings import Finding
 from scaling_service.recording.identity.identify import MOST_LABELS
+from scaling_service.recording.sizes import DEVIATIONS
 
 Roles = abc.Mapping[str, tuple[str, str]]
 
@@ -26,6 +33,8 @@ _REPAIRS = {
     "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are left out",
     "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
 }
+
+ONE_FOOT = 0.5  # share of a person that plates bear where the other foot stands beside them
 
 _LATE_S = 0.1  # chosen: other clocks and rounding
 
@@ -49,14 +58,6 @@ def check_standing(
         )
     if static is None or static not in trials:
         return
-    if not standing.is_upright(trials[static]):
-        yield _make_warning(
-            "nobody stands upright in it, for a leg is bent as in sitting",
-            "Name a recording of standing, or record one: sizes are taken here, and skin slides over joints "
-            "that are bent",
-            file=static,
-            field="trials.static",
-        )
     ratio = standing.compare_pelvis(trials[static], list(moving.values()))
     if abs(ratio - 1.0) > standing.ANOTHER_PELVIS:
         size = "wider" if ratio > 1.0 else "narrower"
@@ -172,6 +173,39 @@ def check_plates(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iter
             f"{name} reads {low if low == high else f'{low} to {high}'} N while no foot is near it",
             "Zero the plate before recording, or subtract this offset: else it loads the person",
             file=list_few(list(found)),
+        )
+
+
+def check_weight(
+    ground: abc.Mapping[str, GroundForces], trials: abc.Mapping[str, Trial], sizes: documents.SizesProof
+) -> abc.Iterator[documents.ProblemEntry]:
+    """Plates on which feet stand and that never bear what a person weighs.
+
+    ``ground``, ``trials``: by file, at the same times. Forces as small as noise are asked where they would
+    press if they bore the person: under a foot, they are in another unit.
+    """
+    people = predict_dimensions(sex=sizes.sex, height_m=sizes.height_m, mass_kg=sizes.mass_kg)
+    usual, sd = people.value("mass"), people.sd("mass")
+    heaviest = {
+        file: float(np.nansum(forces.pressing.clip(0.0), axis=1).max()) / -GRAVITY[1]
+        for file, forces in ground.items()
+    }
+    most = max(heaviest.values(), default=0.0)
+    if not 0.0 < most < ONE_FOOT * usual * np.exp(-DEVIATIONS * sd / usual):
+        return
+    standing = []
+    for file, forces in ground.items():
+        factor = usual / most
+        as_person = forces.change(force=factor * forces.force, moment=factor * forces.moment)
+        contacts = describe_plates(list_plates(as_person, None), as_person, trials[file], ())[1]
+        if any(contact.who for contact in contacts):
+            standing.append(file)
+    if standing:
+        yield _make_warning(
+            f"feet stand on the plates, which bear {most:.2g} kg at most: nobody weighs so little",
+            "Give forces in N: kN, kilograms, pounds and body weights are other units. Until then no force "
+            "of this session is to be trusted",
+            file=list_few(standing),
         )
 
 

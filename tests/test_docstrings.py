@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import doctest
 import functools
+import hashlib
 import inspect
 import pkgutil
 import re
+import shutil
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +19,7 @@ from pydantic import BaseModel
 
 import scaling_service
 from scaling_service.cli import main
+from tests.finished import fill_once, make_once
 
 # Worker processes of libraries that must stay out of this one; they have no examples.
 APART = (
@@ -35,20 +38,22 @@ PUBLIC = {f"scaling_service.{home}" for home in scaling_service.HOMES.values()}
 
 
 @pytest.fixture(scope="session")
-def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the reader of the guide's first pages has made."""
+def reader(example: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the reader of the guide's first pages has made, in a folder that this process writes to."""
     folder = tmp_path_factory.mktemp("reader")
-    lab = str(folder / "lab")
-    assert main(["example", "--out", lab]) == 0
-    assert main(["example", "--plates", "--out", str(folder / "plates")]) == 0
-    compared = ["--no-report", "--out", str(folder / "compared")]
-    assert main(["compare", f"{lab}/subject.json", "--methods", "MB", *compared]) == 0
+    shutil.copytree(example, folder, dirs_exist_ok=True)
+
+    def make(made: Path) -> None:
+        subject = str(folder / "lab" / "subject.json")
+        assert main(["compare", subject, "--methods", "MB", "--no-report", "--out", str(made / "MB")]) == 0
+
+    shutil.copytree(fill_once(tmp_path_factory, "compared_by_the_reader", make) / "MB", folder / "compared")
     return folder
 
 
 @pytest.fixture(scope="session")
-def remembered() -> dict[str, Callable[..., Any]]:
-    """What several examples begin with, computed once."""
+def remembered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Callable[..., Any]]:
+    """What several examples begin with, computed once in a run."""
 
     def remember(function: Callable[..., Any]) -> Callable[..., Any]:
         results: dict[str, Any] = {}
@@ -57,7 +62,8 @@ def remembered() -> dict[str, Callable[..., Any]]:
         def compute(*given: Any, **named: Any) -> Any:
             key = repr((given, named))
             if key not in results:
-                results[key] = function(*given, **named)
+                name = f"{function.__name__}_{hashlib.sha256(key.encode()).hexdigest()}"
+                results[key] = make_once(tmp_path_factory, name, lambda: function(*given, **named))
             return results[key]
 
         return compute

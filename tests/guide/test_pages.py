@@ -32,6 +32,7 @@ RUN = [
     and any(block.language in ("bash", "python") for block in blocks(pages.read_page(name)))
 ]
 DEMO = "scaling-service demo --out demo\n"
+EXAMPLE = "scaling-service example --out lab\n"
 SEARCHED = "missing-effect"
 """The page whose one command searches the example: what takes long."""
 
@@ -39,20 +40,12 @@ SLOW = "# half a minute"
 """Begins blocks that are run only where what takes long is."""
 
 
-@pytest.fixture(scope="session")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the reader of the first page has made."""
-    folder = tmp_path_factory.mktemp("reader") / "lab"
-    assert main(["example", "--out", str(folder)]) == 0
-    return folder
-
-
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.costly] if name == SEARCHED else []) for name in RUN]
 )
 def test_what_a_page_says_to_do_does_what_it_shows(
     name: str,
-    lab: Path,
+    example: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -60,17 +53,16 @@ def test_what_a_page_says_to_do_does_what_it_shows(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     found = blocks(pages.read_page(name))
-    if not any("--out lab" in block.text for block in found):
-        (tmp_path / "lab").symlink_to(lab)
+    (tmp_path / "lab").symlink_to(example / "lab")
     if name == "python":
-        assert main(["example", "--plates", "--out", "plates"]) == 0
+        (tmp_path / "plates").symlink_to(example / "plates")
     space: dict[str, object] = {}
     for block in found:
         if block.text == DEMO and block.shown is not None:
             made: Path = request.getfixturevalue("demo_program")
             shutil.copytree(made / "demo", tmp_path / "demo")
             assert_shown(block.shown, (made / "screen.txt").read_text(encoding="utf-8"))
-        elif not block.text.startswith(SLOW):
+        elif block.text != EXAMPLE and not block.text.startswith(SLOW):
             run(block, capsys, space)
 
 
@@ -87,10 +79,10 @@ def test_a_notebook_prints_and_draws_what_it_shows(name: str) -> None:
 
 @pytest.mark.costly
 def test_what_takes_half_a_minute_runs(
-    lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "lab").symlink_to(lab)
+    (tmp_path / "lab").symlink_to(example / "lab")
     slow = [b for n in RUN for b in blocks(pages.read_page(n)) if b.text.startswith(SLOW)]
     assert slow
     for block in slow:

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from tests.safety.cases import BY_NAME, CASES
 from tests.safety.comparing import compare, tell_differences
-from tests.safety.running import find_data, run_case
+from tests.safety.running import find_data, run_case, run_program
 from tests.safety.snapshots import load_snapshot, round_numbers, save_snapshot
 from tests.safety.surface import SURFACES
 
@@ -50,7 +50,7 @@ def _make(name: str) -> object:
     if name in SURFACES:
         return SURFACES[name]()
     with TemporaryDirectory() as folder:
-        return run_case(BY_NAME[name], Path(folder) / "case")
+        return run_case(BY_NAME[name], Path(folder) / "case", run_program)
 
 
 def _say(text: str) -> None:

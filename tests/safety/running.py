@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import resource
 import shlex
-import shutil
 import subprocess
 import sys
 import tarfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,9 @@ ROOT = HERE.parents[1]
 THREADS = os.environ.get("SAFETY_THREADS", "1")
 """Threads of numerical libraries. Snapshots are of 1; others show which numbers depend on it."""
 
+SCREEN = {"COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
+"""Wide, without colours."""
+
 
 def find_data() -> Path | None:
     """The folder of the real recordings, where there is one."""
@@ -29,10 +32,10 @@ def find_data() -> Path | None:
     return folder.resolve() if folder.is_dir() else None
 
 
-def run_case(case: Case, folder: Path, demo: Path | None = None) -> dict[str, Any]:
+def run_case(case: Case, folder: Path, run: Callable[[list[str], Path], str]) -> dict[str, Any]:
     """All that a case wrote and said, as a document: numbers of files under their names, and sentences.
 
-    ``demo``: where the demo was run already, with ``screen.txt``.
+    ``run`` gives what the program prints, such as :func:`run_program`.
     """
     data = find_data()
     folder = folder.resolve()
@@ -42,12 +45,7 @@ def run_case(case: Case, folder: Path, demo: Path | None = None) -> dict[str, An
     replaced = {str(folder): "."} | ({str(data): "DATA"} if data else {})
     for command in case.commands:
         words = shlex.split(command.replace(DATA, str(data)))
-        if demo is not None and words == ["demo", "--out", "demo"]:
-            shutil.copytree(demo / "demo", folder / "demo")
-            screen = (demo / "screen.txt").read_text(encoding="utf-8")
-        else:
-            screen = run_program(words, folder)
-        said[words[0]] = sort_sentences(split_screen(screen), replaced)
+        said[words[0]] = sort_sentences(split_screen(run(words, folder)), replaced)
     written = sorted(path for path in set(folder.rglob("*")) - there if path.is_file())
     return {"screen": said} | read_folder(folder, written, replaced)
 
@@ -70,9 +68,8 @@ def unpack_subject(name: str, folder: Path) -> None:
 def program_environment() -> dict[str, str]:
     """Of a program started by a test: this code, few threads, a wide screen without colours."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), THREADS)
-    screen = {"COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    return dict(os.environ) | threads | screen | {"PYTHONPATH": path}
+    return dict(os.environ) | threads | SCREEN | {"PYTHONPATH": path}
 
 
 def run_program(arguments: list[str], folder: Path) -> str:

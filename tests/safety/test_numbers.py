@@ -11,27 +11,47 @@ Numbers are held to ``tests/safety/tolerances.py``, words exactly.
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from scaling_service.cli import main
 from tests.safety.cases import CASES, Case
 from tests.safety.comparing import compare, tell_differences
-from tests.safety.running import find_data, run_case
+from tests.safety.running import SCREEN, find_data, run_case
 from tests.safety.snapshots import list_snapshots, load_snapshot
 from tests.safety.surface import SURFACES
 
+DEMO = ["demo", "--out", "demo"]
 PARAMETERS = [pytest.param(c, id=c.name, marks=[pytest.mark.costly] if c.costly else []) for c in CASES]
 
 
 @pytest.mark.parametrize("case", PARAMETERS)
 def test_numbers_and_words_are_what_they_were(
-    case: Case, tmp_path: Path, request: pytest.FixtureRequest
+    case: Case,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     if case.needs_data and find_data() is None:
         pytest.skip("no recordings; set SCALING_SERVICE_DATA")
-    demo = request.getfixturevalue("demo_program") if case.name == "demo" else None
-    found = list(compare(load_snapshot(case.name), run_case(case, tmp_path, demo)))
+    for name, value in SCREEN.items():
+        monkeypatch.setenv(name, value)
+
+    def run_here(words: list[str], folder: Path) -> str:
+        """What the program prints, without a start of its own: the demo alone was started."""
+        if words == DEMO:
+            demo: Path = request.getfixturevalue("demo_program")
+            shutil.copytree(demo / "demo", folder / "demo")
+            return (demo / "screen.txt").read_text(encoding="utf-8")
+        monkeypatch.chdir(folder)
+        capsys.readouterr()
+        assert main(words) == 0
+        return capsys.readouterr().out
+
+    found = list(compare(load_snapshot(case.name), run_case(case, tmp_path, run_here)))
     if found:
         advice = f"if this is intended: python -m tests.safety.renew {case.name}"
         pytest.fail(f"{case.name}: {tell_differences(found)}\n{advice}", pytrace=False)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.finished import fill_once
+
 WEB = Path(__file__).resolve().parents[3] / "scaling_service" / "service" / "page"
 
 
@@ -30,9 +32,14 @@ def packages(factory: pytest.TempPathFactory) -> Path | None:
     beside = WEB / "node_modules"
     if (beside / "typescript").is_dir() and (beside / "axe-core").is_dir():
         return beside
-    folder = factory.mktemp("npm")
-    for name in ("package.json", "package-lock.json", ".npmrc"):
-        shutil.copy(WEB / name, folder / name)
     _, npm = node()
-    done = subprocess.run([*npm, "ci", "--ignore-scripts"], cwd=folder, capture_output=True, check=False)
-    return folder / "node_modules" if done.returncode == 0 else None
+
+    def fetch(folder: Path) -> None:
+        for name in ("package.json", "package-lock.json", ".npmrc"):
+            shutil.copy(WEB / name, folder / name)
+        done = subprocess.run([*npm, "ci", "--ignore-scripts"], cwd=folder, capture_output=True, check=False)
+        if done.returncode != 0:
+            shutil.rmtree(folder / "node_modules", ignore_errors=True)
+
+    fetched = fill_once(factory, "npm", fetch) / "node_modules"
+    return fetched if fetched.is_dir() else None

@@ -50,15 +50,12 @@ def test_names_are_not_html(visit: Visit, url: str, tmp_path: Path) -> None:
     assert "'=HYPERLINK(1)" in table  # a spreadsheet must not run it
 
 
-def test_names_in_results_are_not_html(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_names_in_results_are_not_html(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
     """A label becomes the name of a tracking marker, and goes through figures, tables and saved drawings."""
     hostile = "<mark>RTHI&lt;"  # OpenSim takes no spaces and slashes in names
     with Client(url) as client:
-        job = client.wait(
-            client.ask(
-                "comparisons", subject=put_walker(client, "hostile", tmp_path, hostile), methods=["MB"]
-            )
-        )
+        walker = put_walker(client, "hostile", example / "lab", tmp_path, hostile)
+        job = client.wait(client.ask("comparisons", subject=walker, methods=["MB"]))
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/errors")
     visitor.sees("MB in gait_1: mean distance of each marker")

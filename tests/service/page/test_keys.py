@@ -20,12 +20,11 @@ def new_key(folder: Path) -> str:
     return next(word for word in done.stdout.split() if len(word) > 30)
 
 
-def takes_away(visitor: Visitor, key: str, folder: Path) -> None:
+def takes_away(visitor: Visitor, key: str, lab: Path, folder: Path) -> None:
     """Files and the report are fetched by the browser itself, which sends no key."""
     with Client(visitor.url, key) as client:
-        job = client.wait(
-            client.ask("comparisons", subject=put_walker(client, "S01", folder), methods=["MB"])
-        )
+        walker = put_walker(client, "S01", lab, folder)
+        job = client.wait(client.ask("comparisons", subject=walker, methods=["MB"]))
     visitor.go(f"jobs/{job.id}/files")
     with visitor.page.expect_download() as coming:
         visitor.page.get_by_role("button", name="Everything as one zip").click()
@@ -37,7 +36,7 @@ def takes_away(visitor: Visitor, key: str, folder: Path) -> None:
     assert key not in opened.value.url
 
 
-def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visit, tmp_path: Path) -> None:
+def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visit, example: Path, tmp_path: Path) -> None:
     key = new_key(tmp_path / "data")
     with served(tmp_path / "data") as url:
         visitor = visit(url)
@@ -54,7 +53,7 @@ def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visit, tmp_path: Path) ->
         visitor.page.reload()
         visitor.sees("None yet.")
 
-        takes_away(visitor, key, tmp_path / "files")
+        takes_away(visitor, key, example / "lab", tmp_path / "files")
 
         other = visit(url)  # another tab
         other.go("jobs")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +23,12 @@ def fetch(client: Client, folder: Path, example: str = "example") -> None:
         (folder / name).write_bytes(content)
 
 
-def put_walker(client: Client, subject: str, folder: Path, label: str | None = None) -> str:
-    """Give the service such a subject, with one label more on the thigh where it is named."""
-    client._call("POST", "/v1/examples")
-    fetch(client, folder)
-    person = client.subject("example").document["subject"] | {"id": subject}
+def put_walker(client: Client, subject: str, lab: Path, folder: Path, label: str | None = None) -> str:
+    """Give the service such a subject of the example's files, with one label more on the thigh if named."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in FILES:
+        shutil.copy(lab / name, folder)
+    person = json.loads((lab / "subject.json").read_text(encoding="utf-8"))["subject"] | {"id": subject}
     trials = {"static": "static.trc", "evaluation": ["gait_1.trc"]}
     document = {"subject": person, "model": "lower_limb_14dof", "trials": trials}
     client.put_subject(document if label is None else document | {"extra_markers": {label: "femur_r"}})

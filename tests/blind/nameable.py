@@ -155,7 +155,7 @@ def _weigh_once(effect: Effect, draw: Callable[[float], Hidden], write: Write) -
         search = _open(hidden, write)
         if effect.kind == "marker_swap":
             search.find_labels()
-            ranked = [n.ranked for n in search.named]
+            ranked = list(search.named)
         elif effect.needs == "forces":
             ranked = search._rank_forces()[1]
         else:

@@ -8,7 +8,7 @@ or whose forces or markers as a whole, are worse with it on what did not fit it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scaling_service.capabilities.discovery.effects.catalogue import (
     describe_details,
@@ -40,7 +40,6 @@ from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import (
     SHOWN,
-    Named,
     Origin,
     is_of_markers,
 )
@@ -121,7 +120,7 @@ def _summarise(
     verdict: Verdict = "found" if named else "unexplained" if unexplained else "nothing"
     spent = sum(is_of_markers(n.candidate) for n in named) >= settings.most
     taken = {n.key for n in named}
-    tried = sorted((r for r in search.tried.values() if r.candidate.key not in taken), key=lambda r: -r.odds)
+    tried = sorted((o for o in search.tried.items() if o[0] not in taken), key=lambda o: -o[1][0])
     said = ["no trial was held out: what is named was not tried on others"] if folds else []
     return Findings(
         verdict=verdict,
@@ -129,8 +128,7 @@ def _summarise(
         named=named,
         fit=gaps[ROLES[0]],
         held_out=gaps[ROLES[0] if folds else ROLES[1]],
-        folds=folds,
-        tried=tuple(tried[:SHOWN]),
+        tried=tuple(document for _, (_, document) in tried[:SHOWN]),
         unexplained=unexplained,
         reason=_SPENT.format(settings.most) if spent else _NOTHING_MORE,
         notes=(*notes, *said),
@@ -142,18 +140,13 @@ def _rank(named: NamedEffect) -> tuple[bool, float]:
     return not find_effects()[named.candidate.kind].of_recording, -named.gain
 
 
-def _finish(one: Named, search: Search) -> NamedEffect:
+def _finish(one: NamedEffect, search: Search) -> NamedEffect:
     """With its size and numbers as they are in the end."""
-    key = one.ranked.candidate.key
-    effect = next(e for e in search.fit.effects if e.candidate.key == key)
-    return NamedEffect(
+    effect = next(e for e in search.fit.effects if e.candidate.key == one.key)
+    return replace(
+        one,
         effect=effect,
-        covariance=search.covariances[key],
-        odds=one.ranked.odds,
-        gain=one.gain,
-        by_blocks=one.by_blocks,
-        smallest=one.smallest,
-        equivalents=one.equivalents,
+        covariance=search.covariances[one.key],
         would_separate=find_separating_movement(effect, tuple(one.equivalents), search.fit),
         details=describe_details(effect, search.fit),
         spreads=estimate_spreads(effect, search.fit),

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
+from scaling_service.capabilities.discovery.document import TriedDocument
 from scaling_service.capabilities.discovery.effects.catalogue import describe_details
 from scaling_service.capabilities.discovery.effects.sizes import (
     is_met,
@@ -30,7 +31,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 )
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
-from scaling_service.capabilities.discovery.search.findings import Tried
+from scaling_service.capabilities.discovery.search.findings import NamedEffect, place_candidate
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
@@ -54,36 +55,17 @@ class Origin:
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Named:
-    """What was named so far."""
-
-    ranked: Ranked
-    gain: float
-    by_blocks: bool
-    equivalents: Mapping[Candidate, float]
-    smallest: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Withdrawn:
-    """What was named and is not what is there: its place, and why."""
-
-    ranked: Ranked
-    reason: str
-    where: tuple[str, ...]
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
 class Naming:
     """What is assumed by now, and how something is named."""
 
     fit: Fit
     origin: Origin
     steps: Steps
-    named: list[Named] = field(default_factory=list)
+    named: list[NamedEffect] = field(default_factory=list)
     refused: set[str] = field(default_factory=set)  # keys
-    withdrawn: dict[str, Withdrawn] = field(default_factory=dict)  # by their keys
-    tried: dict[str, Tried] = field(default_factory=dict)
+    # by their keys: what was named and is not what is there, its place, and why
+    withdrawn: dict[str, tuple[Candidate, tuple[str, ...], str]] = field(default_factory=dict)
+    tried: dict[str, tuple[float, TriedDocument]] = field(default_factory=dict)  # with log odds
     covariances: dict[str, Array] = field(default_factory=dict)
     leanings: dict[str, Leanings] = field(default_factory=dict)
     last: dict[Seen, list[Ranked]] = field(default_factory=dict)  # as they were ranked last
@@ -107,7 +89,7 @@ class Naming:
                 break
             if key in self.refused or key in taken:
                 continue
-            size = np.zeros(0)
+            size, covariance = np.zeros(0), np.zeros((0, 0))
             if one.scored is not None:
                 covariance = one.scored.covariance
                 settled = settle_size(one.candidate, one.scored.size, covariance, self.fit.model)
@@ -124,10 +106,12 @@ class Naming:
                 self.refused.add(key)
                 continue
             self.fit = fit
-            self.covariances[key] = np.zeros((0, 0)) if one.scored is None else one.scored.covariance
+            self.covariances[key] = covariance
             self.named.append(
-                Named(
-                    ranked=one,
+                NamedEffect(
+                    effect=effect,
+                    covariance=covariance,
+                    odds=one.odds,
                     gain=gain,
                     by_blocks=by_blocks,
                     equivalents=classes.get(key, {}),
@@ -208,9 +192,13 @@ class Naming:
         for r in ranked[:SHOWN]:
             s = r.scored
             gain = float("nan") if s is None else float(s.size @ s.information @ s.size) / square
-            self.tried[r.candidate.key] = Tried(
-                candidate=r.candidate, odds=r.odds, gain=gain, smallest=self._find_smallest(r)
+            document = TriedDocument(
+                **place_candidate(r.candidate),
+                gain=gain,
+                log_odds=r.odds,
+                smallest_nameable=self._find_smallest(r),
             )
+            self.tried[r.candidate.key] = r.odds, document
         for r in ranked:
             if r.scored is not None and r.candidate.kind in OF_MODELS and not r.candidate.trials:
                 s = r.scored
@@ -222,15 +210,14 @@ class Naming:
         refused = self.refused - self.withdrawn.keys()
         return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in refused]
 
-    def _withdraw(self, one: Named, reason: str, where: tuple[str, ...] = ()) -> None:
+    def _withdraw(self, one: NamedEffect, reason: str, where: tuple[str, ...] = ()) -> None:
         """Take an effect out of what is named; recordings are not tracked anew."""
-        candidate = one.ranked.candidate
-        self.withdrawn[candidate.key] = Withdrawn(one.ranked, reason, where or candidate.where)
-        self._forget(candidate.key)
+        self.withdrawn[one.key] = one.candidate, where or one.candidate.where, reason
+        self._forget(one.key)
 
     def _forget(self, key: str) -> None:
         self.refused.add(key)
-        self.named = [n for n in self.named if n.ranked.candidate.key != key]
+        self.named = [n for n in self.named if n.key != key]
 
     def join_leanings(self, body: BodyTable) -> Leanings:
         """What the recordings say of every effect of the model, named or not; of the body's together."""

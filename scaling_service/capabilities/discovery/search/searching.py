@@ -42,10 +42,10 @@ from scaling_service.capabilities.discovery.ordinary.forces import (
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
 from scaling_service.capabilities.discovery.search.naming import (
-    Named,
     Naming,
     is_of_forces,
     is_of_markers,
@@ -129,17 +129,17 @@ class Search(Naming):
             classes = self._tell_classes(chosen, body.compare)
             if not self._name_first(chosen, self._refit_markers, classes):
                 astray = body.list_astray(self.settings.unexplained)
-                if not (unproven := [n for n in self.named if set(n.ranked.candidate.where) & astray]):
+                if not (unproven := [n for n in self.named if set(n.candidate.where) & astray]):
                     break
                 # what is there is something else
-                self._take_back(min(unproven, key=lambda n: n.ranked.odds).ranked.candidate.key)
+                self._take_back(min(unproven, key=lambda n: n.odds).key)
         return self._withdraw_of_body(body)
 
     def _withdraw_of_body(self, body: BodyTable) -> BodyTable:
         """Without what leaves its markers livelier than others of their part, or is one of many alike."""
         lively = body.list_astray(_LIVELY)
-        for one in [n for n in self.named if not isinstance(n.ranked.candidate.change, Exchange)]:
-            if lively & set(one.ranked.candidate.where):
+        for one in [n for n in self.named if not isinstance(n.candidate.change, Exchange)]:
+            if lively & set(one.candidate.where):
                 self._withdraw(one, LIVELY)
             elif len(one.equivalents) >= _MANY:
                 self._withdraw(one, ONE_OF_MANY)
@@ -261,14 +261,14 @@ class Search(Naming):
 
         What was named after it was found in what it left, and goes with it.
         """
-        ours = [n for n in self.named if not is_of_markers(n.ranked.candidate)]
+        ours = [n for n in self.named if not is_of_markers(n.candidate)]
         for k, one in enumerate(ours):
-            candidate = one.ranked.candidate
+            candidate = one.candidate
             drifts = is_of_forces(candidate) and self._score_drift(loads, candidate) > self.settings.odds
             if not drifts and len(one.equivalents) < _MANY:
                 continue
             self._withdraw(one, DRIFTS if drifts else ONE_OF_MANY, () if drifts else (self._find_most(one),))
-            later = {n.ranked.candidate.key for n in ours[k:]}
+            later = {n.candidate.key for n in ours[k:]}
             for key in later:
                 self._forget(key)
             self.fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key not in later])
@@ -283,9 +283,9 @@ class Search(Naming):
         effect = next(e for e in self.fit.effects if e.candidate.key == candidate.key)
         return loads.score_drift(effect, sd)
 
-    def _find_most(self, one: Named) -> str:
+    def _find_most(self, one: NamedEffect) -> str:
         """The component of the wrench that an effect changes most, in what is ordinary of each."""
-        candidate = one.ranked.candidate
+        candidate = one.candidate
         fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key != candidate.key])
         trials = [item.name for item in fit.wrenches if candidate.holds_in(item.name)]
         before, after = (rms_by_place(f, trials, forces=True) for f in (fit, self.fit))

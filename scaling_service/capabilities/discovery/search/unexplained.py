@@ -70,7 +70,7 @@ def list_unexplained(
             found.append((0.0, where, most, law))
             off |= {where: size} if size else {}
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
-    standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
+    standing = list(search.withdrawn.values())
     standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
     for c, where, reason in standing:
         if not told & set(where):

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import candidates
-from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track
@@ -64,18 +63,14 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
     left_out = {
         effect.candidate.key: effect.candidate.name
         for effect in fit.effects
-        if any(_is_moving(one) for one in (effect.candidate, *alike.get(effect.candidate.key, ())))
+        if any(
+            one.follows or isinstance(one.change, candidates.FreeMotion)  # moves from frame to frame
+            for one in (effect.candidate, *alike.get(effect.candidate.key, ()))
+        )
         and _measure_left_over(_list_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
     }
     reduced = fit.without(left_out)
     return reduced, tuple(left_out.values())
-
-
-def _is_moving(candidate: candidates.Candidate) -> bool:
-    """Whether it moves markers or joints from frame to frame."""
-    parts = [part for column in candidate.columns for part in column.parts]
-    follows = any(isinstance(part.profile, Following) for part in parts)
-    return follows or isinstance(candidate.change, candidates.FreeMotion)
 
 
 def _list_segments(effect: candidates.Estimate, model: body.BodyModel) -> set[str]:

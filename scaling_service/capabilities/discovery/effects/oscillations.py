@@ -33,17 +33,12 @@ def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.heavy:
         long = np.linalg.norm(segment.com) > _LONG_M
         for pair, along in product(TRIED, (1.0, 0.5) if long else (1.0,)):
-            load = Wobbling(segment.name, *pair, along)
-            column = Column(name="kg", unit=1.0, load=load)
-            yield Candidate(
-                kind="wobbling_mass",
-                where=(segment.name,),
-                columns=(column,),
-                note=describe_oscillation(*pair),
-            )
+            column = Column(name="kg", unit=1.0, load=Wobbling(segment.name, *pair, along))
+            note = describe_oscillation(*pair)
+            yield Candidate("wobbling_mass", (segment.name,), (column,), note=note)
 
 
-def _describe_oscillation(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+def describe_shape(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     """At which frequency and damping it oscillates."""
     pair = effect.candidate.oscillation
     assert pair is not None
@@ -52,9 +47,9 @@ def _describe_oscillation(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 
 EFFECTS = (
     Effect(
-        kind="wobbling_mass",
-        meaning="part of the segment's own mass oscillates on a spring",
-        candidates=propose_wobbling_masses,
-        details=_describe_oscillation,
+        "wobbling_mass",
+        "part of the segment's own mass oscillates on a spring",
+        propose_wobbling_masses,
+        details=describe_shape,
     ),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,14 +11,12 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
-from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.effects.oscillations import describe_shape
 from scaling_service.capabilities.discovery.laws.candidates import (
     DAMPINGS,
     FREQUENCIES_HZ,
-    SHAPES,
     TRIED,
     Candidate,
-    Estimate,
     Swinging,
     describe_oscillation,
 )
@@ -114,9 +112,7 @@ def _weigh(looks: Sequence[_Skin], groups: Sequence[Sequence[str]], pair: tuple[
 
 
 def _tune(
-    looks: Sequence[_Skin],
-    group: tuple[str, ...],
-    pair: tuple[float, float],
+    looks: Sequence[_Skin], group: tuple[str, ...], pair: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
     """The likeliest frequency and damping of a group, and its log Bayes factor there."""
 
@@ -133,17 +129,10 @@ def _tune(
     return -float(found.fun), turn_back(found.x)
 
 
-def _describe_swing(effect: Estimate, _after: Fit) -> Mapping[str, float]:
-    """At which frequency and damping it swings."""
-    change = effect.candidate.change
-    assert isinstance(change, Swinging)
-    return dict(zip(SHAPES, (change.frequency_hz, change.damping), strict=True))
-
-
 EFFECTS = (
     Effect(
         kind=KIND,
         meaning="the skin under the marker oscillates when the segment accelerates",
-        details=_describe_swing,
+        details=describe_shape,
     ),
 )

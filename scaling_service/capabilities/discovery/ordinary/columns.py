@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Profile
+from scaling_service.capabilities.discovery.laws.profiles import Profile
 from scaling_service.capabilities.discovery.laws.spots import Spot
 from scaling_service.core.arrays import Array
 
@@ -41,7 +41,7 @@ class Base:
     def __len__(self) -> int:
         return len(self.columns)
 
-    def number(self, spot: Spot, profile: Profile = ALWAYS) -> int:
+    def number(self, spot: Spot, profile: Profile = None) -> int:
         """Of a column, which is added where it is not there."""
         return self.columns.setdefault((spot, profile), len(self.columns))
 

@@ -40,13 +40,17 @@ class Loads:
     named: Sequence[tuple[Estimate, Array]]  # estimated together, with the covariance of their sizes
     keys: Sequence[str]  # of candidates, as the table numbers them
 
+    def number(self, candidate: Candidate) -> Sequence[int]:
+        """The table's columns of a candidate."""
+        return self.table.numbers[self.keys.index(candidate.key)]
+
     def score_drift(self, effect: Estimate, sd: Array) -> float:
         """Log Bayes factor of a named effect's changing in the course of recordings, beside itself.
 
         ``sd``: of what it changes by. Against a change by a share of itself, by which persons and models
         disagree with any size.
         """
-        numbers = self.table.numbers[self.keys.index(effect.candidate.key)]
+        numbers = self.number(effect.candidate)
         explained = self.table.scale(self.none.levels) * self.table.explain(numbers, effect.size)
         courses = self.table.list_courses(explained)
         large, everyday = (

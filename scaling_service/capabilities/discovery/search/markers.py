@@ -17,7 +17,6 @@ from scaling_service.capabilities.discovery.effects.sizes import list_usual_devi
 from scaling_service.capabilities.discovery.effects.skin_wobble import find_swinging_skin, tune_swing
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Swinging
-from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import (
@@ -218,7 +217,7 @@ class BodyTable:
     def _list_places(self, candidate: Candidate) -> list[str]:
         """Where something ordinary may be livelier instead of a candidate: skin, glide, a marker's place."""
         model = self.fit.model
-        follows = any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts)
+        follows = candidate.follows
         first = candidate.where[0]
         if first not in model.marker_names:
             return [first] if follows else []

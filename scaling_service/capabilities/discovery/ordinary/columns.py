@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,6 +44,10 @@ class Base:
     def number(self, spot: Spot, profile: Profile = None) -> int:
         """Of a column, which is added where it is not there."""
         return self.columns.setdefault((spot, profile), len(self.columns))
+
+    def number_axes(self, make: Callable[[int], Spot], profile: Profile = None) -> list[int]:
+        """Of the columns of a spot along or about each axis."""
+        return [self.number(make(axis), profile) for axis in range(3)]
 
     def combine(self, candidate: Candidate) -> Combination:
         """A candidate's numbers as coefficients of columns."""

@@ -80,12 +80,8 @@ how well motion and forces agree in movement (chosen: standing sways by 0.01 to 
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
 
-@dataclass(frozen=True, slots=True)
-class _Key:
-    """A load in some trials, in all of them unless given."""
-
-    load: Load
-    trials: tuple[str, ...] = ()
+_Key = tuple[Load, tuple[str, ...]]
+"""A load in some trials, in all of them where none is named."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -155,11 +151,11 @@ class WrenchTable:
         """(n_recordings, n_kinds): those that share a level, at rest and in movement."""
         self.spread = np.where(kinds, _AT_REST, _SPREAD)[:, None]
         """(n_kinds, 1): of these levels."""
-        self.soles = tabulate_steps(fit.wrenches, [(key.load, key.trials) for key in self._keys])
+        self.soles = tabulate_steps(fit.wrenches, list(self._keys))
         self._append_weights(masses)
 
     def _number(self, load: Load, trials: tuple[str, ...] = ()) -> int:
-        return self._keys.setdefault(_Key(load, trials), len(self._keys))
+        return self._keys.setdefault((load, trials), len(self._keys))
 
     def _expect_plates(self) -> list[tuple[list[int], Array]]:
         found: list[tuple[list[int], Array]] = []
@@ -212,15 +208,13 @@ class WrenchTable:
         """Residuals (n, 6), columns (n, 6, n_columns), deviations, weights (n, 6), frames (n,) of one."""
         thin = max(1, int(item.tracked.trial.rate_hz / (_RATE * item.cutoff_hz)))
         used = np.flatnonzero(item.usable)[::thin]
-        here = {key.load: None for key in self._keys if not key.trials or item.name in key.trials}
-        place = {load: k for k, load in enumerate(here)}
-        made = item.filter(compute_columns(list(here), item))[used]
+        here = {key: k for k, key in enumerate(self._keys) if not key[1] or item.name in key[1]}
+        every = list(dict.fromkeys(load for load, _ in here))
+        made = item.filter(compute_columns(every, item))[used]
         about = item.about[used, None]
         made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
         columns = np.zeros((len(used), 6, len(self._keys)))
-        for key, k in self._keys.items():
-            if not key.trials or item.name in key.trials:
-                columns[:, :, k] = made[:, :, place[key.load]]
+        columns[:, :, list(here.values())] = made[:, :, [every.index(load) for load, _ in here]]
         measured = item.move_moment(item.filter(item.measured))[used]
         moved = measured.std(axis=0) if len(used) else np.zeros(6)
         sd = np.hypot(NOISE * item.mass / _OF_KG, OF_MOVEMENT * moved)

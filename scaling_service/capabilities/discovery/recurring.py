@@ -20,10 +20,7 @@ from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery import options, pooling, words
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
-from scaling_service.capabilities.discovery.evidence.fit import (
-    Fit,
-    SearchContext,
-)
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
 from scaling_service.capabilities.discovery.result import DiscoverResults
@@ -214,7 +211,7 @@ def find_recurring(
 
 def _is_worse(before: Left, after: Left, persons: Sequence[str]) -> bool:
     """Whether markers, forces or moments are worse over some persons."""
-    for name in pooling.GAPS:
+    for name, *_ in words.LEVELS[1:]:
         a, b = (sum(some[who].get(name, 0.0) ** 2 for who in persons) for some in (before, after))
         if b > (1.0 + USUAL.worse) ** 2 * a:
             return True
@@ -288,7 +285,7 @@ def summarise(document: RecurringDocument) -> Summary:
     ]
     if document.corrected:
         why.append(f"The generic model without it: {', '.join(document.corrected)}.")
-    labels = {field: f"{name}, {unit}" for field, name, unit in words.LEVELS if field in pooling.GAPS}
+    labels = {field: f"{name}, {unit}" for field, name, unit in words.LEVELS[1:]}
     rows = [
         Row(who, [_show_pair(getattr(entry, field)) for field in labels] + [f"{entry.log_odds:+.1f}"])
         for who, entry in document.persons.items()
@@ -337,7 +334,7 @@ def summarise(document: RecurringDocument) -> Summary:
 
 def _say_gaps(person: str, entry: PersonEntry) -> str:
     """What an effect does to one person's recordings; empty where that was not tried."""
-    labels = {field: (name, unit) for field, name, unit in words.LEVELS if field in pooling.GAPS}
+    labels = {field: (name, unit) for field, name, unit in words.LEVELS[1:]}
     said = [
         f"{name} {_show_pair(pair)} {unit}"
         for field, (name, unit) in labels.items()

@@ -85,8 +85,6 @@ EFFECTS = (
     Effect(AXIS_TILT, "the joint's axis is turned", propose_axis_tilts),
     Effect("coupled_motion", "the joint glides or turns along with a coordinate", propose_coupled_motions),
     Effect(
-        "segment_length",
-        "the segment is longer or shorter, its markers following",
-        propose_segment_lengths,
+        "segment_length", "the segment is longer or shorter, its markers following", propose_segment_lengths
     ),
 )

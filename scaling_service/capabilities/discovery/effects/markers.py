@@ -49,10 +49,7 @@ def propose_capture_scale(scene: Scene) -> Iterator[Candidate]:
 
 EFFECTS = (
     Effect(
-        "marker_offset",
-        "the marker sits elsewhere on its segment",
-        propose_marker_offsets,
-        of_recording=True,
+        "marker_offset", "the marker sits elsewhere on its segment", propose_marker_offsets, of_recording=True
     ),
     Effect(
         "soft_tissue_artefact",

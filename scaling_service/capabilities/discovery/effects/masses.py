@@ -38,9 +38,7 @@ def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.heavy:
         columns = tuple(
             Column(
-                name=f"{letter}_mm",
-                unit=MM,
-                load=Inertial(segment.name, differentiate_centre(segment, k)),
+                name=f"{letter}_mm", unit=MM, load=Inertial(segment.name, differentiate_centre(segment, k))
             )
             for k, letter in enumerate(LETTERS)
         )
@@ -112,9 +110,6 @@ EFFECTS = (
     Effect("segment_mass", "the segment is heavier or lighter, of the same shape", propose_segment_masses),
     Effect("segment_com", "the segment's centre of mass lies elsewhere", propose_centres_of_mass),
     Effect(
-        "carried_load",
-        "the segment carries a load at a point",
-        propose_carried_loads,
-        details=_place_of_load,
+        "carried_load", "the segment carries a load at a point", propose_carried_loads, details=_place_of_load
     ),
 )

@@ -105,11 +105,7 @@ class Fit:
         )
 
 
-def fit_recordings(
-    context: SearchContext,
-    effects: Sequence[Estimate] = (),
-    near: Fit | None = None,
-) -> Fit:
+def fit_recordings(context: SearchContext, effects: Sequence[Estimate] = (), near: Fit | None = None) -> Fit:
     """Track the recordings with effects of known size added to the model, from where another fit is."""
     starts = {item.name: item for item in near.tracked} if near else {}
     astray = near.astray if near else {}

@@ -101,12 +101,7 @@ class Spread:
         self._keep(tuple(rows), factorise(covariance), level, place)
 
     def add_centred(
-        self,
-        rows: tuple[list[int], list[int]],
-        mean: float,
-        covariance: Array,
-        level: str,
-        place: str = "",
+        self, rows: tuple[list[int], list[int]], mean: float, covariance: Array, level: str, place: str = ""
     ) -> None:
         """Slopes along a coordinate less its mean; ``rows``: of what follows it, and of the constants."""
         following, constant = rows

@@ -32,11 +32,7 @@ from scaling_service.capabilities.discovery.laws.loads import (
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
-from scaling_service.capabilities.discovery.ordinary.levels import (
-    FACTORS,
-    learn_level,
-    weigh_level,
-)
+from scaling_service.capabilities.discovery.ordinary.levels import FACTORS, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.soles import Soles, tabulate_steps
 from scaling_service.core.arrays import Array

@@ -16,11 +16,7 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.ordinary.columns import Combination
-from scaling_service.capabilities.discovery.ordinary.levels import (
-    find_most,
-    learn_level,
-    weigh_level,
-)
+from scaling_service.capabilities.discovery.ordinary.levels import find_most, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.sums import Sums
 from scaling_service.core.arrays import Array
 

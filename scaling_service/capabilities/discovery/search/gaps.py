@@ -17,11 +17,7 @@ from scaling_service.capabilities.discovery.document import (
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
-from scaling_service.capabilities.discovery.ordinary.forces import (
-    ForceEvidence,
-    WrenchTable,
-    measure_noise,
-)
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable, measure_noise
 from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import UNITS, Observable, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
@@ -34,7 +30,7 @@ _CORRELATED = (
 _TOGETHER = 256  # directions that are followed at once (chosen: what a cache holds of a frame)
 _FEWEST = 5  # frames of a block that are told as a time
 
-_PARTS: Mapping[Observable, tuple[str, slice]] = {
+PARTS: Mapping[Observable, tuple[str, slice]] = {
     "marker": ("markers_mm", slice(None)),
     "force": ("force_N", slice(0, 3)),
     "moment": ("moment_Nm", slice(3, 6)),
@@ -159,59 +155,44 @@ def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> Ga
     """Levels of all observables and places of the trials of a role."""
     levels: dict[str, LevelDocument] = {}
     places, whitened = {}, []
-    for observable, (name, part) in _PARTS.items():
+    for observable, (name, part) in PARTS.items():
         old, new = (_tally(fit, role, forces=observable != "marker") for fit in (before, after))
         if old is None or new is None:
             continue
-        floor = yardstick.floors(old.places, old.trials)
-        left = yardstick.floors(old.places, old.trials, left=True)
+        floor, left = (
+            np.square(yardstick.floors(old.places, old.trials, left=best)) for best in (False, True)
+        )
+        every = old.square, old.frames, new.square, new.frames, floor * old.frames, left * old.frames
         unit, factor = UNITS[observable]
-        levels[name] = LevelDocument(**_measure(old, new, floor, left, part, factor))
+        levels[name] = LevelDocument(**_measure([[x[:, part] for x in every]], factor))
         for k in range(len(old.places))[part]:
-            level = _measure(old, new, floor, left, slice(k, k + 1), factor)
+            level = _measure([[x[:, k : k + 1] for x in every]], factor)
             places[old.places[k]] = PlaceLevelDocument(**level, unit=unit)
-        whitened.append((old, new, floor, left, part))
+        scale = 1.0 / np.where(floor > 0.0, floor, np.nan)
+        counted = np.where(np.isfinite(scale), old.frames, 0.0)
+        squares = old.square * scale, counted, new.square * scale, counted, counted, left * counted * scale
+        whitened.append([x[:, part] for x in squares])
     return GapDocument(
-        whitened=_measure_whitened(whitened) if whitened else None,
-        markers_mm=levels.get("markers_mm"),
-        force_N=levels.get("force_N"),
-        moment_Nm=levels.get("moment_Nm"),
+        whitened=LevelDocument(**_measure(whitened, 1.0)) if whitened else None,
         places=places,
+        **{name: levels.get(name) for name, _ in PARTS.values()},
     )
 
 
-def _measure(
-    old: _Tally, new: _Tally, floor: Array, left: Array, part: slice, factor: float
-) -> dict[str, float]:
-    """RMS of places together, times a factor: a distance for markers, per component for wrenches."""
-    frames = old.frames[:, part]
+def _measure(parts: Sequence[Sequence[Array]], factor: float) -> dict[str, float]:
+    """RMS of places together, times a factor: a distance for markers, per component for wrenches.
 
-    def average(values: Array) -> float:
-        return float(np.sqrt(np.nansum(np.square(values[:, part]) * frames) / max(frames.sum(), 1.0)))
-
-    low, high = _estimate_interval(new.square[:, part].sum(axis=1), new.frames[:, part].sum(axis=1))
-    found = {"before": old.rms(part), "after": new.rms(part), "floor": average(floor)}
-    found |= {"ceiling": average(left), "low": low, "high": high}
+    ``parts``: each with squares and frames before and after, and squares of what is ordinary and of what that
+    leaves, (n_blocks, n_places).
+    """
+    sums = np.sum([[np.nansum(x) for x in part] for part in parts], axis=0)
+    frames, later = np.maximum(sums[[1, 3]], 1.0)
+    before, after, floor, ceiling = np.sqrt(sums[[0, 2, 4, 5]] / [frames, later, frames, frames]).tolist()
+    low, high = _estimate_interval(
+        *(np.concatenate([np.nansum(part[k], axis=1) for part in parts]) for k in (2, 3))
+    )
+    found = {"before": before, "after": after, "floor": floor, "ceiling": ceiling, "low": low, "high": high}
     return {name: factor * value for name, value in found.items()}
-
-
-def _measure_whitened(parts: Sequence[tuple[_Tally, _Tally, Array, Array, slice]]) -> LevelDocument:
-    """All residuals divided by what is ordinary."""
-    sums, after, frames = np.zeros(4), [], []
-    for old, new, floor, left, part in parts:
-        scale = 1.0 / np.square(np.where(floor[:, part] > 0.0, floor[:, part], np.nan))
-        counted = np.where(np.isfinite(scale), old.frames[:, part], 0.0)
-        sums += [
-            np.nansum(old.square[:, part] * scale),
-            np.nansum(new.square[:, part] * scale),
-            np.nansum(np.square(left[:, part]) * counted * scale),
-            counted.sum(),
-        ]
-        after.append(np.nansum(new.square[:, part] * scale, axis=1))
-        frames.append(counted.sum(axis=1))
-    low, high = _estimate_interval(np.concatenate(after), np.concatenate(frames))
-    before, reached, ceiling = np.sqrt(sums[:3] / max(sums[3], 1.0)).tolist()
-    return LevelDocument(before=before, after=reached, floor=1.0, ceiling=ceiling, low=low, high=high)
 
 
 def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
@@ -244,57 +225,43 @@ def list_shown(where: Sequence[str], fit: Fit) -> list[str]:
 
 def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocument, ...]:
     """All places, the largest share of what stands above the ordinary first."""
-    found = []
-    for forces in (False, True):
-        tally = _tally(fit, None, forces=forces)
-        if tally is None:
-            continue
-        floor = yardstick.floors(tally.places, tally.trials)
+    tallies = [t for forces in (False, True) if (t := _tally(fit, None, forces=forces)) is not None]
+    found, floors = [], {}
+    for tally in tallies:
+        squares = np.square(yardstick.floors(tally.places, tally.trials)) * tally.frames
         for k, place in enumerate(tally.places):
-            frames = tally.frames[:, k]
-            if frames.any():
-                found.append(
-                    _describe_place(
-                        tally,
-                        k,
-                        place,
-                        float(np.sqrt(np.nansum(np.square(floor[:, k]) * frames) / frames.sum())),
-                        fit,
-                        forces,
-                    )
-                )
-    ratio = {d.where: d.rms / max(d.floor or 0.0, 1e-9) for d in found}
+            if tally.frames[:, k].any():
+                floors[place] = float(np.sqrt(np.nansum(squares[:, k]) / tally.frames[:, k].sum()))
+                found.append((place, tally, k))
+    unit = {place: UNITS[classify_place(place)][1] for place in floors}
+    ratio = {p: unit[p] * tally.rms([k]) / max(unit[p] * floors[p], 1e-9) for p, tally, k in found}
     above = {place: max(times**2 - 1.0, 0.0) for place, times in ratio.items()}
     total = max(sum(above.values()), 1e-12)
-    found.sort(key=lambda d: (-above[d.where], -ratio[d.where]))
-    return tuple(DisagreementDocument(**dict(d) | {"share": above[d.where] / total}) for d in found)
+    found.sort(key=lambda one: (-above[one[0]], -ratio[one[0]]))
+    return tuple(_describe_place(tally, k, floors[p], above[p] / total, fit) for p, tally, k in found)
 
 
-def _describe_place(
-    tally: _Tally, k: int, place: str, floor: float, fit: Fit, forces: bool
-) -> DisagreementDocument:
-    observable, rms = classify_place(place), tally.rms([k])
+def _describe_place(tally: _Tally, k: int, floor: float, share: float, fit: Fit) -> DisagreementDocument:
+    place, rms = tally.places[k], tally.rms([k])
+    observable = classify_place(place)
     unit, factor = UNITS[observable]
-    per_trial = {}
+    frames, per_trial = tally.frames[:, k], {}
     for trial in dict.fromkeys(tally.trials):
         rows = [n for n, t in enumerate(tally.trials) if t == trial]
-        frames = tally.frames[rows, k].sum()
-        if frames:
-            per_trial[trial] = factor * float(np.sqrt(tally.square[rows, k].sum() / frames))
-    frames = tally.frames[:, k]
+        if frames[rows].any():
+            per_trial[trial] = factor * float(np.sqrt(tally.square[rows, k].sum() / frames[rows].sum()))
     mean = np.where(frames >= _FEWEST, tally.square[:, k] / np.maximum(frames, 1.0), 0.0)
     most = int(np.argmax(mean))
     # Independent numbers: a block of time is one look at a place along each axis
-    freedom = float((frames > 0.0).sum()) * (1.0 if forces else 3.0)
-    p = float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom))
+    freedom = float((frames > 0.0).sum()) * (3.0 if observable == "marker" else 1.0)
     return DisagreementDocument(
         where=place,
         observable=observable,
         unit=unit,
         rms=factor * rms,
         floor=factor * floor,
-        share=0.0,
-        p=p,
+        share=share,
+        p=float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom)),
         trials=per_trial,
         when=f"{tally.trials[most]}, from {tally.starts[most]:.1f} s on",
         along=describe_course(fit, place),

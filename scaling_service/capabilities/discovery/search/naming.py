@@ -23,12 +23,7 @@ from scaling_service.capabilities.discovery.effects.sizes import (
 )
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.laws.candidates import (
-    Candidate,
-    Contact,
-    Estimate,
-    Seen,
-)
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate, Seen
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.search.findings import NamedEffect, place_candidate

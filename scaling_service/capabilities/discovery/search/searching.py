@@ -19,11 +19,7 @@ from scaling_service.capabilities.discovery.effects.body_mass import (
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.external_contact import find_contacts, make_touch
 from scaling_service.capabilities.discovery.effects.marker_swap import find_exchanges
-from scaling_service.capabilities.discovery.effects.sizes import (
-    is_met,
-    list_usual_deviations,
-    settle_size,
-)
+from scaling_service.capabilities.discovery.effects.sizes import is_met, list_usual_deviations, settle_size
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
@@ -34,23 +30,14 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Swinging,
 )
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.ordinary.forces import (
-    NOISE,
-    ForceEvidence,
-    Touch,
-    WrenchTable,
-)
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE, ForceEvidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
-from scaling_service.capabilities.discovery.search.naming import (
-    Naming,
-    is_of_forces,
-    is_of_markers,
-)
+from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces, is_of_markers
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel

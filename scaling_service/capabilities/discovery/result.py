@@ -199,7 +199,7 @@ def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.Effe
         ),
         carries=named.gain >= words.NOTHING,
         parameters=numbers,
-        smallest_nameable=dict(named.smallest),
+        smallest_nameable={k: size for k, size in named.smallest.items() if math.isfinite(size)},
         advice=_advise(named, as_class=as_class, left_out=candidate.name in results.left_out),
         confusable_with=others,
         would_separate=named.would_separate or None,

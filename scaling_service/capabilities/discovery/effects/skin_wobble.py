@@ -22,9 +22,9 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 )
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
-from scaling_service.capabilities.discovery.laws.swinging import Pulled
+from scaling_service.capabilities.discovery.observations.oscillator import compute_pull, simulate_oscillator
 from scaling_service.capabilities.discovery.ordinary.columns import Base
-from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
+from scaling_service.capabilities.discovery.ordinary.sums import White, place_in_segments, weigh_markers
 from scaling_service.numerics.multibody.laws import Array
 
 KIND = "skin_wobble"
@@ -80,7 +80,9 @@ class _Skin:
 
     white: White
     left: Array  # (n, 3 m): residuals less everything ordinary that lasts
-    pulled: Pulled
+    markers: tuple[str, ...]
+    pull: Array  # (n_frames, m, 3), m/s2, ground: minus the acceleration of their places
+    axes: Array  # (n, m, 3, 3): of their segments, as rows
     spots: NDArray[np.intp]  # (m, 3): along the axes of their segments
 
     @classmethod
@@ -88,16 +90,21 @@ class _Skin:
         numbers = {spot: k for k, spot in enumerate(base.spots)}
         known = [m for m in markers if m in white.look.item.markers and MarkerSpot(m, 0) in numbers]
         spots = np.array([[numbers[MarkerSpot(m, axis)] for axis in range(3)] for m in known], dtype=np.intp)
-        return cls(white, left, Pulled.of(white.look.item, known), spots.reshape(-1, 3))
+        item, rows = white.look.item, white.look.rows
+        at = [item.markers.index(m) for m in known]
+        pull, axes = compute_pull(item.places[:, at], item.step), place_in_segments(item, rows)[:, at]
+        return cls(white, left, tuple(known), pull, axes, spots.reshape(-1, 3))
 
     def move(self, pair: tuple[float, float]) -> dict[str, Array]:
         """What the swing of every marker does to the whitened residuals, (n, 3 m)."""
         if not len(self.spots):
             return {}
-        moved = self.pulled.swing(*pair)[self.white.look.rows]
+        look = self.white.look
+        swing, _ = simulate_oscillator(self.pull, look.item.step, *pair)
+        moved = np.matmul(self.axes, swing[look.rows][..., None])
         return {
-            marker: np.einsum("na,nac->nc", moved[:, k], self.white.columns[:, self.spots[k]])
-            for k, marker in enumerate(self.pulled.markers)
+            marker: np.einsum("na,nac->nc", moved[:, k, :, 0], self.white.columns[:, self.spots[k]])
+            for k, marker in enumerate(self.markers)
         }
 
 

@@ -16,22 +16,6 @@ from scaling_service.core.arrays import Array
 _NEGLIGIBLE = 1e-12  # share of a covariance's largest direction
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Combination:
-    """A sparse map from a candidate's numbers to coefficients of columns."""
-
-    rows: NDArray[np.intp]
-    numbers: NDArray[np.intp]
-    weights: Array
-    count: int
-
-    def expand(self, size: int) -> Array:
-        """Of so many columns, (size, count)."""
-        found = np.zeros((size, self.count))
-        np.add.at(found, (self.rows, self.numbers), self.weights)
-        return found
-
-
 class Base:
     """Columns, each a spot of the body and how the value there varies, in the order of asking."""
 
@@ -49,15 +33,18 @@ class Base:
         """Of the columns of a spot along or about each axis."""
         return [self.number(make(axis), profile) for axis in range(3)]
 
-    def combine(self, candidate: Candidate) -> Combination:
-        """A candidate's numbers as coefficients of columns."""
-        parts = [(k, part) for k, column in enumerate(candidate.columns) for part in column.parts]
-        return Combination(
-            rows=np.array([self.number(part.spot, part.profile) for _, part in parts], dtype=np.intp),
-            numbers=np.array([k for k, _ in parts], dtype=np.intp),
-            weights=np.array([part.gain for _, part in parts]),
-            count=len(candidate.columns),
-        )
+    def include(self, candidate: Candidate) -> None:
+        """Add what a candidate's numbers are coefficients of."""
+        for part in candidate.parts:
+            self.number(part.spot, part.profile)
+
+    def expand(self, candidate: Candidate) -> Array:
+        """A candidate's numbers as coefficients of all columns, (n_columns, k); they are among these."""
+        found = np.zeros((len(self), len(candidate.columns)))
+        for k, column in enumerate(candidate.columns):
+            for part in column.parts:
+                found[self.columns[part.spot, part.profile], k] += part.gain
+        return found
 
     @property
     def spots(self) -> tuple[Spot, ...]:

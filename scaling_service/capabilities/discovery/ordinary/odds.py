@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.ordinary.columns import Combination
 from scaling_service.capabilities.discovery.ordinary.levels import find_most, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.sums import Sums
 from scaling_service.core.arrays import Array
@@ -159,13 +158,11 @@ class Table:
         return L.T @ g - along.T @ self.strengths, L.T @ shown - taken.T @ taken
 
     def score_each(
-        self, combinations: Sequence[Combination], sds: Sequence[Array], trials: Sequence[str] = ()
+        self, choice: Sequence[Array], sds: Sequence[Array], trials: Sequence[str] = ()
     ) -> list[Scored]:
-        """Candidates that hold in the same trials, each by itself."""
-        size = self.common.shape[0]
-        L = np.concatenate([c.expand(size) for c in combinations], axis=1)
-        x, X = self.project(L, trials)
-        edges = np.cumsum([0, *(c.count for c in combinations)]).tolist()
+        """Candidates (coefficients (n, k) of each) that hold in the same trials, each by itself."""
+        x, X = self.project(np.concatenate(choice, axis=1), trials)
+        edges = np.cumsum([0, *map(len, sds)]).tolist()
         return [
             Scored.of(x[a:b], X[a:b, a:b], sd) for a, b, sd in zip(edges[:-1], edges[1:], sds, strict=True)
         ]
@@ -181,9 +178,8 @@ class Table:
         evidence = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, np.ones(L.shape[1]), level)[0]
         return max(evidence - self._learnt, 0.0)
 
-    def score_learning(self, combination: Combination, sd: Array, trials: Sequence[str] = ()) -> Scored:
-        """A candidate, with levels learnt anew beside it: nothing hides in what it makes of them."""
-        L = combination.expand(self.common.shape[0])
+    def score_learning(self, L: Array, sd: Array, trials: Sequence[str] = ()) -> Scored:
+        """A candidate L (n, k), with levels learnt anew beside it: nothing hides in what it makes of them."""
         G, g = self.add_up(trials)
         shown = G @ L
         evidence, size, covariance = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, sd)

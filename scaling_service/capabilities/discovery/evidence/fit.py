@@ -71,6 +71,11 @@ class Fit:
         """How strict the search is."""
         return self.context.settings
 
+    @property
+    def by_key(self) -> dict[str, Estimate]:
+        """Effects by their candidates' keys."""
+        return {e.candidate.key: e for e in self.effects}
+
     def without(self, keys: Collection[str]) -> Fit:
         """The same tracking, no longer with effects of some keys; not estimated anew."""
         return replace(self, effects=tuple(e for e in self.effects if e.candidate.key not in keys))

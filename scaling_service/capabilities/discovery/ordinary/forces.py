@@ -250,16 +250,7 @@ class WrenchTable:
         levels = dict.fromkeys(self.owners, 1.0)
         scale = np.ones(columns.shape[2])
         owned = {owner: at + steady.shape[2] for owner, at in self.owners.items()}
-        k = len(sd)
-        best = ForceEvidence(
-            value=-math.inf,
-            size=np.zeros(k),
-            covariance=np.zeros((k, k)),
-            levels=self.shared @ noise,
-            left=self.shared @ noise,
-            directions=directions,
-            masses=1.0,
-        )
+        best: ForceEvidence | None = None
         for _ in range(_PASSES):
             for owner, at in owned.items():
                 scale[at] = levels[owner]
@@ -282,8 +273,8 @@ class WrenchTable:
             )
             value -= 0.5 * float(np.square(np.log(noise) / self.spread).sum())
             value += sum(map(weigh_level, levels.values()))
-            if value > best.value:
-                last = slice(flat.shape[1] - k, None)
+            if best is None or value > best.value:
+                last = slice(flat.shape[1] - len(sd), None)
                 rms = np.sqrt(self.average(np.square(left / (by_noise * np.sqrt(self.weight)))))
                 size, covariance = sd * strength[last], np.outer(sd, sd) * inverse[last, last]
                 best = ForceEvidence(
@@ -303,6 +294,7 @@ class WrenchTable:
                 square = float(np.square(strength[at]).sum())
                 anew = float(learn_level(levels[owner], square, known, 1.0))
                 levels[owner] = math.sqrt(levels[owner] * anew)
+        assert best is not None
         return best
 
     def _find_rows(self, touch: Touch) -> tuple[NDArray[np.intp], Array]:

@@ -102,8 +102,7 @@ def score_loads(
     whole = table.weigh_body(each=each)
     known = np.concatenate([columns * sd, whole * mass_sd], axis=1) if weighed else columns * sd
     nothing = np.zeros((len(columns), 0))
-    together = table.weigh(whole * mass_sd if weighed else nothing, columns, sd, touching)
-    none = table.weigh(known, nothing, np.zeros(0), touching)
+    none = table.weigh(whole * mass_sd if weighed else nothing, columns, sd, touching)
     places, sds = table.numbers[: len(choice)], [sd for _, sd in choice]
     scored = table.score_roughly(none, places, sds)
     for k in sorted(range(len(scored)), key=lambda k: -scored[k].bayes)[:_AGAIN]:
@@ -123,11 +122,11 @@ def score_loads(
         )
         for t in tried
     ]
-    estimated, at = [], 0
-    for effect, own_sd in named:
-        rows = slice(at, at + len(own_sd))
-        at += len(own_sd)
-        estimated.append((Estimate(effect.candidate, together.size[rows]), together.covariance[rows, rows]))
+    ends = np.cumsum([0, *map(len, own)]).tolist()
+    estimated = [
+        (Estimate(effect.candidate, none.size[a:b]), none.covariance[a:b, a:b])
+        for (effect, _), a, b in zip(named, ends[:-1], ends[1:], strict=True)
+    ]
     return Loads(
         table=table, none=none, scored=scored, mass=of_mass, touched=of_touch, named=estimated, keys=keys
     )

@@ -134,7 +134,7 @@ def _rank(named: NamedEffect) -> tuple[bool, float]:
 
 def _finish(one: NamedEffect, search: Search) -> NamedEffect:
     """With its size and numbers as they are in the end."""
-    effect = next(e for e in search.fit.effects if e.candidate.key == one.key)
+    effect = search.fit.by_key[one.key]
     return replace(
         one,
         effect=effect,

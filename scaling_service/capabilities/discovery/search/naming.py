@@ -77,7 +77,7 @@ class Naming:
         classes: Mapping[str, Mapping[Candidate, float]],
     ) -> bool:
         """Name the first that has the odds and does good; whether there was one."""
-        taken = {e.candidate.key for e in self.fit.effects}
+        taken = self.fit.by_key
         for one in ranked:
             key = one.candidate.key
             if one.odds < self.settings.odds:
@@ -216,11 +216,12 @@ class Naming:
 
     def join_leanings(self, body: BodyTable) -> Leanings:
         """What the recordings say of every effect of the model, named or not; of the body's together."""
-        for effect in self.fit.effects:
-            key, sd = effect.candidate.key, list_usual_deviations(effect.candidate, self.fit.model)
+        taken = self.fit.by_key
+        for key, effect in taken.items():
+            sd = list_usual_deviations(effect.candidate, self.fit.model)
             if key in self.leanings and sd is not None:
                 self.leanings[key] = Leanings.of(effect.candidate, effect.size, self.covariances[key], sd)
-        together = body.lean(self.leanings.keys() - {e.candidate.key for e in self.fit.effects})
+        together = body.lean(self.leanings.keys() - taken.keys())
         known = {c.key for c in together.candidates}
         return Leanings.join([together, *(one for key, one in self.leanings.items() if key not in known)])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -133,7 +133,7 @@ class Search(Naming):
                 self._withdraw(one, ONE_OF_MANY)
         if not self.withdrawn:
             return body
-        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key not in self.withdrawn])
+        self.fit = self._refit_markers(self._list_without(self.withdrawn))
         return self._make_table()
 
     def _make_table(self) -> BodyTable:
@@ -163,7 +163,10 @@ class Search(Naming):
     def _take_back(self, key: str) -> None:
         """An effect of the body, for good."""
         self._forget(key)
-        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key != key])
+        self.fit = self._refit_markers(self._list_without({key}))
+
+    def _list_without(self, keys: Collection[str]) -> list[Estimate]:
+        return [e for e in self.fit.effects if e.candidate.key not in keys]
 
     def _settle(self, found: Sequence[tuple[Estimate, Array]]) -> list[Estimate]:
         """Estimates within what laboratories meet, where that is as uncertain; their covariances are kept."""
@@ -176,7 +179,7 @@ class Search(Naming):
 
     def _move(self, found: Sequence[Estimate]) -> list[Estimate] | None:
         """All effects, with those sizes that moved by more than they are uncertain; None where none did."""
-        before, moved = {e.candidate.key: e for e in self.fit.effects}, {}
+        before, moved = self.fit.by_key, {}
         for effect in found:
             key = effect.candidate.key
             sd = np.sqrt(np.maximum(np.diag(self.covariances[key]), 1e-300))
@@ -252,33 +255,29 @@ class Search(Naming):
 
         What was named after it was found in what it left, and goes with it.
         """
-        ours = [n for n in self.named if not is_of_markers(n.candidate)]
+        ours, sizes = [n for n in self.named if not is_of_markers(n.candidate)], self.fit.by_key
         for k, one in enumerate(ours):
-            candidate = one.candidate
-            drifts = is_of_forces(candidate) and self._score_drift(loads, candidate) > self.settings.odds
+            sd = list_usual_deviations(one.candidate, self.fit.model)
+            drifts = (
+                is_of_forces(one.candidate)
+                and sd is not None
+                and loads.score_drift(sizes[one.key], sd) > self.settings.odds
+            )
             if not drifts and len(one.equivalents) < _MANY:
                 continue
             self._withdraw(one, DRIFTS if drifts else ONE_OF_MANY, () if drifts else (self._find_most(one),))
-            later = {n.candidate.key for n in ours[k:]}
+            later = {n.key for n in ours[k:]}
             for key in later:
                 self._forget(key)
-            self.fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key not in later])
+            self.fit = self._refit_forces(self._list_without(later))
             loads, self.last["wrench"] = self._rank_forces()
             break
         return loads.table, loads.none
 
-    def _score_drift(self, loads: Loads, candidate: Candidate) -> float:
-        """Log Bayes factor of a named effect's changing in the course of recordings, beside itself."""
-        sd = list_usual_deviations(candidate, self.fit.model)
-        assert sd is not None
-        effect = next(e for e in self.fit.effects if e.candidate.key == candidate.key)
-        return loads.score_drift(effect, sd)
-
     def _find_most(self, one: NamedEffect) -> str:
         """The component of the wrench that an effect changes most, in what is ordinary of each."""
-        candidate = one.candidate
-        fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key != candidate.key])
-        trials = [item.name for item in fit.wrenches if candidate.holds_in(item.name)]
+        fit = self._refit_forces(self._list_without({one.key}))
+        trials = [item.name for item in fit.wrenches if one.candidate.holds_in(item.name)]
         before, after = (rms_by_place(f, trials, forces=True) for f in (fit, self.fit))
         return max(before, key=lambda c: (before[c] ** 2 - after[c] ** 2) / NOISE[COMPONENTS.index(c)] ** 2)
 

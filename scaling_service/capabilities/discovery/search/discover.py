@@ -26,10 +26,8 @@ from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect, Verdict
 from scaling_service.capabilities.discovery.search.gaps import (
-    Yardstick,
-    expect_forces,
-    expect_markers,
     list_disagreements,
+    make_yardstick,
     measure_gap,
 )
 from scaling_service.capabilities.discovery.search.leanings import Leanings
@@ -104,7 +102,7 @@ def _summarise(
 ) -> Findings:
     """Where, what, how far the gap closed, and what is left."""
     after, settings = search.fit, search.settings
-    yardstick = Yardstick(expect_markers(body), {} if forces is None else expect_forces(after, *forces))
+    yardstick = make_yardstick(body, after, forces)
     folds = not any(item.role == "held_out" for item in before.tracked)
     gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
     named = tuple(sorted((_finish(one, search) for one in search.named), key=_rank))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -38,16 +39,12 @@ PARTS: Mapping[Observable, tuple[str, slice]] = {
 """Of a gap's fields: what it is of, and its places."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Expected:
-    """What is ordinary at the places of a recording, and what it leaves at its best, RMS, SI."""
-
-    ordinary: Mapping[str, float]
-    left: Mapping[str, float]
+Yardstick = Mapping[str, Mapping[str, tuple[float, float]]]
+"""By recording and place, what is ordinary, and what that leaves where it takes what it can; RMS, SI."""
 
 
-def expect_markers(body: BodyTable) -> dict[str, Expected]:
-    """Of every recording: the mean over ordinary people at the levels learnt, whose poses follow."""
+def make_yardstick(body: BodyTable, fit: Fit, forces: tuple[WrenchTable, ForceEvidence] | None) -> Yardstick:
+    """Of markers the mean over ordinary people at the levels learnt, whose poses follow; of forces these."""
     found = {}
     for k, white in enumerate(body.whites):
         look = white.look
@@ -62,23 +59,15 @@ def expect_markers(body: BodyTable) -> dict[str, Expected]:
         strays.append(np.broadcast_to(wander, (len(look.gap), *wander.shape)))
         explained = white.spread_over_spots(body.base, body.estimate(k))
         rest = look.gap - np.matmul(explained[:, None], look.columns)[:, 0]
-        ordinary, left = (
-            dict(zip(look.item.markers, np.sqrt(_measure_strays(look, x)).tolist(), strict=True))
-            for x in (np.concatenate(strays, axis=2), rest[:, :, None])
-        )
-        found[look.item.name] = Expected(ordinary, left)
+        both_ways = (np.concatenate(strays, axis=2), rest[:, :, None])
+        ordinary, left = (np.sqrt(_measure_strays(look, x)).tolist() for x in both_ways)
+        found[look.item.name] = dict(zip(look.item.markers, zip(ordinary, left, strict=True), strict=True))
+    if forces is not None:
+        table, none = forces
+        for item, *pair in zip(fit.wrenches, measure_noise(table, none.levels), none.left, strict=True):
+            ordinary, left = (row.tolist() for row in pair)
+            found[item.name] |= zip(COMPONENTS, zip(ordinary, left, strict=True), strict=True)
     return found
-
-
-def expect_forces(fit: Fit, table: WrenchTable, none: ForceEvidence) -> dict[str, Expected]:
-    """Of every recording with forces, by the levels learnt."""
-    ordinary = measure_noise(table, none.levels)
-    return {
-        item.name: Expected(
-            *(dict(zip(COMPONENTS, row[k].tolist(), strict=True)) for row in (ordinary, none.left))
-        )
-        for k, item in enumerate(fit.wrenches)
-    }
 
 
 def _measure_strays(look: Look, strays: Array) -> Array:
@@ -132,23 +121,13 @@ def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
     return _Tally(places=names, square=square, frames=frames, trials=tuple(trials), starts=tuple(starts))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Yardstick:
-    """By recording, what is ordinary at every place, and what it leaves where it takes what it can."""
-
-    markers: Mapping[str, Expected]
-    forces: Mapping[str, Expected] = field(default_factory=dict)
-
-    def floors(self, tally_places: Sequence[str], trials: Sequence[str], *, left: bool = False) -> Array:
-        """Of blocks of time (n_blocks, n_places); NaN where nothing is known."""
-
-        def of(trial: str) -> list[float]:
-            known = (self.forces if tally_places == COMPONENTS else self.markers).get(trial)
-            table = {} if known is None else known.left if left else known.ordinary
-            return [table.get(place, float("nan")) for place in tally_places]
-
-        rows = {trial: of(trial) for trial in dict.fromkeys(trials)}
-        return np.array([rows[trial] for trial in trials])
+def _list_floors(yardstick: Yardstick, tally: _Tally) -> Array:
+    """Squares of what is ordinary, and of what that leaves, (2, n_blocks, n_places); NaN where not known."""
+    rows = {
+        trial: np.square([yardstick[trial].get(place, (math.nan, math.nan)) for place in tally.places]).T
+        for trial in dict.fromkeys(tally.trials)
+    }
+    return np.stack([rows[trial] for trial in tally.trials], axis=1)
 
 
 def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> GapDocument:
@@ -159,9 +138,7 @@ def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> Ga
         old, new = (_tally(fit, role, forces=observable != "marker") for fit in (before, after))
         if old is None or new is None:
             continue
-        floor, left = (
-            np.square(yardstick.floors(old.places, old.trials, left=best)) for best in (False, True)
-        )
+        floor, left = _list_floors(yardstick, old)
         every = old.square, old.frames, new.square, new.frames, floor * old.frames, left * old.frames
         unit, factor = UNITS[observable]
         levels[name] = LevelDocument(**_measure([[x[:, part] for x in every]], factor))
@@ -228,7 +205,7 @@ def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocu
     tallies = [t for forces in (False, True) if (t := _tally(fit, None, forces=forces)) is not None]
     found, floors = [], {}
     for tally in tallies:
-        squares = np.square(yardstick.floors(tally.places, tally.trials)) * tally.frames
+        squares = _list_floors(yardstick, tally)[0] * tally.frames
         for k, place in enumerate(tally.places):
             if tally.frames[:, k].any():
                 floors[place] = float(np.sqrt(np.nansum(squares[:, k]) / tally.frames[:, k].sum()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,13 +94,13 @@ class _Tally:
         return float(np.sqrt(self.square[:, columns].sum() / max(self.frames[:, columns].sum(), 1.0)))
 
 
-def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
-    """Of all places over the trials of a role; None where nothing is observed."""
+def _tally(fit: Fit, chosen: Collection[str], *, forces: bool) -> _Tally | None:
+    """Of all places over some trials; None where nothing is observed."""
     items: Sequence[MotionFit | WrenchFit] = fit.wrenches if forces else fit.tracked
     names = COMPONENTS if forces else tuple(dict.fromkeys(m for item in fit.tracked for m in item.markers))
     rows, trials, starts = [], [], []
     for item in items:
-        if role is not None and item.role != role:
+        if item.name not in chosen:
             continue
         square, seen = np.zeros((len(item.times), len(names))), np.zeros((len(item.times), len(names)))
         if isinstance(item, WrenchFit):
@@ -133,9 +133,9 @@ def _list_floors(yardstick: Yardstick, tally: _Tally) -> Array:
 def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> GapDocument:
     """Levels of all observables and places of the trials of a role."""
     levels: dict[str, LevelDocument] = {}
-    places, whitened = {}, []
+    places, whitened, trials = {}, [], [item.name for item in before.tracked if item.role == role]
     for observable, (name, part) in PARTS.items():
-        old, new = (_tally(fit, role, forces=observable != "marker") for fit in (before, after))
+        old, new = (_tally(fit, trials, forces=observable != "marker") for fit in (before, after))
         if old is None or new is None:
             continue
         floor, left = _list_floors(yardstick, old)
@@ -181,13 +181,12 @@ def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
     return max(mean - _NORMAL_95 * error, 0.0) ** 0.5, (mean + _NORMAL_95 * error) ** 0.5
 
 
-def rms_by_place(fit: Fit, trials: Sequence[str], *, forces: bool) -> dict[str, float]:
+def rms_by_place(fit: Fit, trials: Collection[str], *, forces: bool) -> dict[str, float]:
     """Of every marker, or component of the wrench, over some trials; SI."""
-    tally = _tally(fit, None, forces=forces)
+    tally = _tally(fit, trials, forces=forces)
     if tally is None:
         return {}
-    rows = [k for k, trial in enumerate(tally.trials) if trial in trials]
-    square, frames = tally.square[rows].sum(axis=0), tally.frames[rows].sum(axis=0)
+    square, frames = tally.square.sum(axis=0), tally.frames.sum(axis=0)
     known = frames > 0.0
     rms = np.sqrt(square[known] / frames[known])
     return dict(zip(np.array(tally.places)[known].tolist(), rms.tolist(), strict=True))
@@ -202,7 +201,8 @@ def list_shown(where: Sequence[str], fit: Fit) -> list[str]:
 
 def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocument, ...]:
     """All places, the largest share of what stands above the ordinary first."""
-    tallies = [t for forces in (False, True) if (t := _tally(fit, None, forces=forces)) is not None]
+    every = [item.name for item in fit.tracked]
+    tallies = [t for forces in (False, True) if (t := _tally(fit, every, forces=forces)) is not None]
     found, floors = [], {}
     for tally in tallies:
         squares = _list_floors(yardstick, tally)[0] * tally.frames

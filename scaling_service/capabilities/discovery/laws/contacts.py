@@ -52,9 +52,12 @@ def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
     rows = np.flatnonzero(inside)
     found = np.zeros((len(item.times), 6))
     if len(rows):
-        spell = Spell(item, rows, np.array(contact.noise))
-        force, moment = solve_force(spell, contact.segment, np.array(contact.point))
-        found[rows] = np.concatenate([force, moment], axis=1)
+        spell, point = Spell(item, rows, np.array(contact.noise)), np.array(contact.point)
+        force, place = -item.residuals[rows, :3], locate(item, contact.segment, point)[rows]
+        left = item.residuals[rows, 3:] + np.cross(place - item.about[rows], force)
+        weight = _compute_weights(spell, contact.segment, point)
+        wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, contact.segment), weight, left)
+        found[rows] = np.concatenate([force, np.cross(place, force) - wandering], axis=1)
     return found
 
 
@@ -99,17 +102,6 @@ def _step_point(
     steep = np.maximum(np.where(shown, value, by_chance), 1e-300)
     low, high = (edge - middle for edge in within)
     return middle + minimise_within(steep, vector, slope, low, high)
-
-
-def solve_force(spell: Spell, segment: str, point: Array) -> tuple[Array, Array]:
-    """Force on the body and its moment about the ground origin, (n, 3)."""
-    item, rows = spell.wrench, spell.rows
-    force = -item.residuals[rows, :3]
-    place = locate(item, segment, point)[rows]
-    left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
-    weight = _compute_weights(spell, segment, point)
-    wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, segment), weight, left)
-    return force, np.cross(place, force) - wandering
 
 
 def locate(item: WrenchFit, segment: str, point: Array) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
-from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit, Role
+from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
@@ -82,11 +82,6 @@ class WrenchFit:
     def name(self) -> str:
         """The trial's."""
         return self.tracked.name
-
-    @property
-    def role(self) -> Role:
-        """The trial's."""
-        return self.tracked.role
 
     @property
     def cutoff_hz(self) -> float:

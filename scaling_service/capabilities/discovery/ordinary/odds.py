@@ -173,32 +173,29 @@ class Table:
         All levels are learnt anew beside it, as beside a candidate; what the prior says of a place that
         differs from the others of its level is taken off. ``L`` (n, k): its directions at level one.
         """
-        G, g = self._total
-        shown = G @ L
-        evidence = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, np.ones(L.shape[1]), level)[0]
-        return max(evidence - self._learnt, 0.0)
+        return max(self._learn(L, np.ones(L.shape[1]), place=level)[0] - self._learnt, 0.0)
 
     def score_learning(self, L: Array, sd: Array, trials: Sequence[str] = ()) -> Scored:
         """A candidate L (n, k), with levels learnt anew beside it: nothing hides in what it makes of them."""
-        G, g = self.add_up(trials)
-        shown = G @ L
-        evidence, size, covariance = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, sd)
+        evidence, size, covariance = self._learn(L, sd, trials)
         X = self.project(L, trials)[1]
         bayes = evidence - self._learnt
         return Scored(bayes=bayes, size=size, covariance=covariance, sd=sd, information=X)
 
     @cached_property
     def _learnt(self) -> float:
-        none = np.zeros(0)
-        return self._learn(np.zeros((0, 0)), np.zeros((self.common.shape[1], 0)), none, none)[0]
+        return self._learn(np.zeros((len(self.common), 0)), np.zeros(0))[0]
 
-    def _learn(self, X: Array, C: Array, x: Array, sd: Array, place: str = "") -> tuple[float, Array, Array]:
+    def _learn(
+        self, L: Array, sd: Array, trials: Sequence[str] = (), place: str = ""
+    ) -> tuple[float, Array, Array]:
         """Log evidence at the likeliest levels, with further numbers; their size and covariance.
 
-        ``C`` (m, k): products of what is common with them. ``place``: the level that they follow, if they do;
-        they have one of their own then, about that.
+        ``place``: the level that they follow, if they do; they have one of their own then, about that.
         """
-        n = self.common.shape[1]
+        G, g = self.add_up(trials)
+        shown, n = G @ L, self.common.shape[1]
+        X, C, x = L.T @ shown, self.common.T @ shown, L.T @ g
         full = np.block([[self._common_products, C * sd], [(C * sd).T, X * np.outer(sd, sd)]])
         right = np.concatenate([self.common.T @ self._total[1], sd * x])
         owners = np.array(self.owners)

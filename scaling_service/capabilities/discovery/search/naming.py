@@ -1,8 +1,4 @@
-"""Naming the likeliest, and what is kept of all that was tried.
-
-Nothing is named whose own places, or whose forces or markers as a whole, are worse with it on what did not
-fit it.
-"""
+"""Naming the likeliest, and what is kept of all that was tried."""
 
 from __future__ import annotations
 

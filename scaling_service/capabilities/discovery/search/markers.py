@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby
 
 import numpy as np
 
@@ -145,25 +144,18 @@ class BodyTable:
     def rank(self) -> list[Ranked]:
         """All candidates, the likeliest first."""
         places = Counter(c.kind for c, _ in self.candidates)
-        found: list[tuple[float, int, Scored]] = []
-        order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k][0].trials)
-        for trials, group in groupby(order, key=lambda k: self.candidates[k][0].trials):
-            rows = list(group)
-            chosen = [self.candidates[k] for k in rows]
+        found: list[Ranked] = []
+        for trials in sorted({c.trials for c, _ in self.candidates}):
+            chosen = [one for one in self.candidates if one[0].trials == trials]
             scored = self.table.score_each(
                 [self.base.expand(c) for c, _ in chosen], [sd for _, sd in chosen], trials
             )
-            for (candidate, _), k, s in zip(chosen, rows, scored, strict=True):
-                found.append((s.bayes - math.log(places[candidate.kind]), k, s))
-        found.sort(key=lambda one: -one[0])
-        livelier: dict[str, float] = {}
-        ranked = []
-        for turn, (odds, k, one) in enumerate(found):
-            of_kind = places[self.candidates[k][0].kind]
-            if turn < _AGAIN and odds > _WORTH:
-                ranked.append(self.weigh(self.candidates[k], of_kind, livelier))
-            else:
-                ranked.append(Ranked(odds, self.candidates[k][0], one))
+            for (candidate, _), s in zip(chosen, scored, strict=True):
+                found.append(Ranked(s.bayes - math.log(places[candidate.kind]), candidate, s))
+        found.sort(key=lambda one: -one.odds)
+        again = [one for one in found[:_AGAIN] if one.odds > _WORTH]
+        ranked = [self.weigh(one.candidate, places[one.candidate.kind]) for one in again]
+        ranked += found[len(again) :]
         scene = self.fit.scene
         of_course = (
             *find_free_motions(scene, self.base, self.left, self.levels),
@@ -181,17 +173,13 @@ class BodyTable:
         sds = np.concatenate([sd for _, sd in chosen])
         return Leanings(tuple(c for c, _ in chosen), *self.table.project(L), sds)
 
-    def weigh(self, choice: tuple[Candidate, Array], places: int, livelier: dict[str, float]) -> Ranked:
-        """One candidate at one of so many places, levels learnt beside it, against a livelier place there.
-
-        ``livelier``: what is known of that already, by its place.
-        """
-        candidate, sd = choice
+    def weigh(self, candidate: Candidate, places: int) -> Ranked:
+        """One candidate at one of so many places, levels learnt beside it, against a livelier place there."""
+        sd = next(sd for one, sd in self.candidates if one is candidate)
         anew = self.table.score_learning(self.base.expand(candidate), sd, candidate.trials)
         odds = anew.bayes - math.log(places)
         at = self._list_places(candidate) if odds > self.fit.settings.odds else []
-        ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
-        return Ranked(odds - ordinary, candidate, anew)
+        return Ranked(odds - max(map(self._score_livelier, at), default=0.0), candidate, anew)
 
     @cached_property
     def left(self) -> list[tuple[White, Array]]:
@@ -228,12 +216,16 @@ class BodyTable:
             return [] if candidate.trials else [f"place of {first}"]
         return [segment, *([f"skin of {first}"] if len(candidate.where) == 1 else [])]
 
-    def _score_livelier(self, place: str, known: dict[str, float]) -> float:
+    def _score_livelier(self, place: str) -> float:
         """See :meth:`Table.score_livelier`."""
-        if place not in known:
+        if place not in self._livelier:
             L, level = self._expand_place(place)
-            known[place] = self.table.score_livelier(L, level) if L.shape[1] else 0.0
-        return known[place]
+            self._livelier[place] = self.table.score_livelier(L, level) if L.shape[1] else 0.0
+        return self._livelier[place]
+
+    @cached_property
+    def _livelier(self) -> dict[str, float]:
+        return {}
 
     def _expand_place(self, place: str) -> tuple[Array, str]:
         """What lasts at a place or of one of its markers, (n_columns, any), at level one, and whose it is."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -133,7 +133,7 @@ class Search(Naming):
                 self._withdraw(one, ONE_OF_MANY)
         if not self.withdrawn:
             return body
-        self.fit = self._refit_markers(self._list_without(self.withdrawn))
+        self.fit = self._refit_markers(self.fit.without(self.withdrawn).effects)
         return self._make_table()
 
     def _make_table(self) -> BodyTable:
@@ -163,10 +163,7 @@ class Search(Naming):
     def _take_back(self, key: str) -> None:
         """An effect of the body, for good."""
         self._forget(key)
-        self.fit = self._refit_markers(self._list_without({key}))
-
-    def _list_without(self, keys: Collection[str]) -> list[Estimate]:
-        return [e for e in self.fit.effects if e.candidate.key not in keys]
+        self.fit = self._refit_markers(self.fit.without({key}).effects)
 
     def _settle(self, found: Sequence[tuple[Estimate, Array]]) -> list[Estimate]:
         """Estimates within what laboratories meet, where that is as uncertain; their covariances are kept."""
@@ -269,14 +266,14 @@ class Search(Naming):
             later = {n.key for n in ours[k:]}
             for key in later:
                 self._forget(key)
-            self.fit = self._refit_forces(self._list_without(later))
+            self.fit = self._refit_forces(self.fit.without(later).effects)
             loads, self.last["wrench"] = self._rank_forces()
             break
         return loads.table, loads.none
 
     def _find_most(self, one: NamedEffect) -> str:
         """The component of the wrench that an effect changes most, in what is ordinary of each."""
-        fit = self._refit_forces(self._list_without({one.key}))
+        fit = self._refit_forces(self.fit.without({one.key}).effects)
         trials = [item.name for item in fit.wrenches if one.candidate.holds_in(item.name)]
         before, after = (rms_by_place(f, trials, forces=True) for f in (fit, self.fit))
         return max(before, key=lambda c: (before[c] ** 2 - after[c] ** 2) / NOISE[COMPONENTS.index(c)] ** 2)

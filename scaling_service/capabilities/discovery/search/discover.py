@@ -10,11 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from scaling_service.capabilities.discovery.effects.catalogue import (
-    describe_details,
-    estimate_spreads,
-    find_effects,
-)
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
     SearchContext,
@@ -132,12 +128,12 @@ def _rank(named: NamedEffect) -> tuple[bool, float]:
 
 def _finish(one: NamedEffect, search: Search) -> NamedEffect:
     """With its size and numbers as they are in the end."""
-    effect = search.fit.by_key[one.key]
+    effect, kind = search.fit.by_key[one.key], find_effects()[one.candidate.kind]
     return replace(
         one,
         effect=effect,
         covariance=search.covariances[one.key],
         would_separate=find_separating_movement(effect, tuple(one.equivalents), search.fit),
-        details=describe_details(effect, search.fit),
-        spreads=estimate_spreads(effect, search.fit),
+        details=kind.details(effect, search.fit),
+        spreads=kind.spreads(effect, search.fit),
     )

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.document import TriedDocument
-from scaling_service.capabilities.discovery.effects.catalogue import describe_details
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.effects.sizes import (
     is_met,
     list_usual_deviations,
@@ -92,7 +92,8 @@ class Naming:
             fit = refit((*self.fit.effects, effect))
             gain, by_blocks = self._measure_gain(fit, one.candidate)
             usual = look_up_usual_sizes(one.candidate, self.fit.model)
-            shown = ((usual(name), value) for name, value in describe_details(effect, fit).items())
+            details = find_effects()[one.candidate.kind].details(effect, fit)
+            shown = ((usual(name), value) for name, value in details.items())
             if gain is None or any(met and not met.low <= value <= met.high for met, value in shown):
                 self.refused.add(key)
                 continue

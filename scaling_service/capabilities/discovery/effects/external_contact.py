@@ -10,15 +10,8 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws import contacts
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
-from scaling_service.capabilities.discovery.laws.contacts import (
-    Spell,
-    find_edges,
-    fit_edges,
-    fit_point,
-    is_throughout,
-    locate,
-)
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import Touch
 from scaling_service.capabilities.discovery.ordinary.sums import find_best_span
@@ -56,7 +49,7 @@ def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, 
         names = [s.name for s in item.model.segments if s.name in shown]
         weight = min(1.0, item.step / (2.0 * _LASTING_S))
         for name in names:
-            point = fit_point(Spell(item, rows, noise), name)
+            point = contacts.fit_point(contacts.Spell(item, rows, noise), name)
             # Logarithm of the Bayes factor of each frame of a force of any direction at a point, (n,).
             columns = _press(item, name, point) / noise[:, None]
             gap, sd = item.residuals / noise, _FORCE_N_PER_KG * item.mass
@@ -69,7 +62,7 @@ def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, 
             if len(inside) < _FEWEST:
                 continue
             edges = 2.0 * math.log(max(weight * len(gains), 1.0))
-            contact = _make_contact(Spell(item, inside, noise), name, point)
+            contact = _make_contact(contacts.Spell(item, inside, noise), name, point)
             candidate = Candidate(kind=KIND, where=(name,), columns=(), trials=(item.name,), change=contact)
             common = _UNDERFOOT if name in feet else 0.0
             places = 0.0 if name in known else math.log(len(names))
@@ -100,16 +93,16 @@ def make_touch(fit: Fit, candidate: Candidate) -> Touch:
 
 def _press(item: WrenchFit, segment: str, point: Array) -> Array:
     """What a force along each axis at a point of a segment does, (n, 6, 3), moment about the trunk."""
-    arm = build_skew(locate(item, segment, point) - item.about)
+    arm = build_skew(contacts.locate(item, segment, point) - item.about)
     return np.concatenate([np.broadcast_to(np.eye(3), arm.shape), arm], axis=1)
 
 
-def _make_contact(spell: Spell, segment: str, point: Array) -> Contact:
+def _make_contact(spell: contacts.Spell, segment: str, point: Array) -> Contact:
     x, y, z = (float(v) for v in point)
     item = spell.wrench
     start, end = float(item.times[0]), float(item.times[-1])
-    if not is_throughout(item, spell.rows):
-        (start, _), (end, _) = fit_edges(spell, item.residuals[:, :3])
+    if not contacts.is_throughout(item, spell.rows):
+        (start, _), (end, _) = contacts.fit_edges(spell, item.residuals[:, :3])
     return Contact(
         segment=segment, start_s=start, end_s=end, point=(x, y, z), noise=tuple(spell.noise.tolist())
     )
@@ -129,7 +122,7 @@ def _estimate_contact_spreads(effect: Estimate, after: Fit) -> Mapping[str, floa
     contact = effect.candidate.change
     assert isinstance(contact, Contact)
     item = _find_touched(effect, after)
-    edges = find_edges(item, contact)
+    edges = contacts.find_edges(item, contact)
     if edges is None:
         return {}
     (_, of_start), (_, of_end) = edges

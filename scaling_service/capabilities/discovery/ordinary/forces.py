@@ -16,19 +16,8 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws import loads
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.loads import (
-    Inertial,
-    Late,
-    PlateBias,
-    PlateGain,
-    PlateShift,
-    PlateTurn,
-    Tilt,
-    compute_columns,
-    differentiate_centre,
-    scale_segment,
-)
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
@@ -157,14 +146,15 @@ class WrenchTable:
         found: list[tuple[list[int], Array]] = []
         trials = [item.name for item in self.fit.wrenches]
         for plate in self.fit.scene.plates:
-            found.append(([self._number(PlateShift(plate, k)) for k in range(3)], _SHIFT_M**2 * np.eye(3)))
-            found.append(([self._number(PlateGain(plate))], np.array([[_GAIN**2]])))
-            found.append(([self._number(PlateTurn(plate, k)) for k in range(3)], _TURN**2 * np.eye(3)))
+            shifts = [self._number(loads.PlateShift(plate, k)) for k in range(3)]
+            found.append((shifts, _SHIFT_M**2 * np.eye(3)))
+            found.append(([self._number(loads.PlateGain(plate))], np.array([[_GAIN**2]])))
+            found.append(([self._number(loads.PlateTurn(plate, k)) for k in range(3)], _TURN**2 * np.eye(3)))
             for trial in trials:
-                rows = [self._number(PlateBias(plate, k), (trial,)) for k in range(6)]
+                rows = [self._number(loads.PlateBias(plate, k), (trial,)) for k in range(6)]
                 found.append((rows, np.diag(np.square(_BIAS))))
-        found += [([self._number(Late(), (trial,))], np.array([[_LATE_S**2]])) for trial in trials]
-        found.append(([self._number(Tilt(k)) for k in (0, 2)], _VERTICAL**2 * np.eye(2)))
+        found += [([self._number(loads.Late(), (trial,))], np.array([[_LATE_S**2]])) for trial in trials]
+        found.append(([self._number(loads.Tilt(k)) for k in (0, 2)], _VERTICAL**2 * np.eye(2)))
         return found
 
     def _expect_masses(self) -> list[tuple[list[int], Array]]:
@@ -174,10 +164,10 @@ class WrenchTable:
         about_total = np.eye(len(masses)) - np.outer(share, np.ones(len(masses)))
         apart = about_total @ np.diag(np.square(_SEGMENT * masses)) @ about_total.T
         together = (_MASS * masses.sum()) ** 2 * np.outer(share, share)
-        found = [([self._number(scale_segment(s)) for s in heavy], apart + together)]
+        found = [([self._number(loads.scale_segment(s)) for s in heavy], apart + together)]
         for s in heavy:
             size = _CENTRES_M[find_part(self.fit.model.bone_of(s.name))] * np.array([1.0, 1.0, _SIDEWAYS])
-            rows = [self._number(Inertial(s.name, differentiate_centre(s, k))) for k in range(3)]
+            rows = [self._number(loads.Inertial(s.name, loads.differentiate_centre(s, k))) for k in range(3)]
             found.append((rows, np.diag(np.square(size))))
         return found
 
@@ -185,7 +175,7 @@ class WrenchTable:
         """All segments in proportion, (n_columns,), per share of the body's mass."""
         found = defaultdict[int, float](float)
         for s in self.fit.scene.heavy:
-            found[self._number(scale_segment(s))] += s.mass
+            found[self._number(loads.scale_segment(s))] += s.mass
         return np.array([found[k] for k in range(len(self._keys))])
 
     def _append_weights(self, masses: Array) -> None:
@@ -206,7 +196,7 @@ class WrenchTable:
         used = np.flatnonzero(item.usable)[::thin]
         here = {key: k for k, key in enumerate(self._keys) if not key[1] or item.name in key[1]}
         every = list(dict.fromkeys(load for load, _ in here))
-        made = item.filter(compute_columns(every, item))[used]
+        made = item.filter(loads.compute_columns(every, item))[used]
         about = item.about[used, None]
         made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
         columns = np.zeros((len(used), 6, len(self._keys)))

@@ -7,20 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from scaling_service.capabilities.discovery.document import (
-    DisagreementDocument,
-    GapDocument,
-    TriedDocument,
-    UnexplainedDocument,
-    Unit,
-)
+from scaling_service.capabilities.discovery import document
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.core.arrays import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
-UNITS: Mapping[Observable, tuple[Unit, float]] = {
+UNITS: Mapping[Observable, tuple[document.Unit, float]] = {
     "marker": ("mm", 1e3),
     "force": ("N", 1.0),
     "moment": ("N m", 1.0),
@@ -97,11 +91,11 @@ class Findings:
     """The whole story."""
 
     verdict: Verdict
-    disagreements: tuple[DisagreementDocument, ...]  # the largest first
+    disagreements: tuple[document.DisagreementDocument, ...]  # the largest first
     named: tuple[NamedEffect, ...]
-    fit: GapDocument
-    held_out: GapDocument  # the same as ``fit`` where no trial was held out
-    tried: tuple[TriedDocument, ...]
-    unexplained: tuple[UnexplainedDocument, ...]
+    fit: document.GapDocument
+    held_out: document.GapDocument  # the same as ``fit`` where no trial was held out
+    tried: tuple[document.TriedDocument, ...]
+    unexplained: tuple[document.UnexplainedDocument, ...]
     reason: str  # why the search stopped
     notes: tuple[str, ...]  # what could not be tried and why

@@ -10,13 +10,8 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.document import TriedDocument
+from scaling_service.capabilities.discovery.effects import sizes
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
-from scaling_service.capabilities.discovery.effects.sizes import (
-    is_met,
-    list_usual_deviations,
-    look_up_usual_sizes,
-    settle_size,
-)
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate, Seen
@@ -83,7 +78,7 @@ class Naming:
             size, covariance = np.zeros(0), np.zeros((0, 0))
             if one.scored is not None:
                 covariance = one.scored.covariance
-                settled = settle_size(one.candidate, one.scored.size, covariance, self.fit.model)
+                settled = sizes.settle_size(one.candidate, one.scored.size, covariance, self.fit.model)
                 size = one.scored.size if settled is None else settled
             if not self._is_met(one.candidate, size):
                 self.refused.add(key)
@@ -91,7 +86,7 @@ class Naming:
             effect = Estimate(one.candidate, size)
             fit = refit((*self.fit.effects, effect))
             gain, by_blocks = self._measure_gain(fit, one.candidate)
-            usual = look_up_usual_sizes(one.candidate, self.fit.model)
+            usual = sizes.look_up_usual_sizes(one.candidate, self.fit.model)
             details = find_effects()[one.candidate.kind].details(effect, fit)
             shown = ((usual(name), value) for name, value in details.items())
             if gain is None or any(met and not met.low <= value <= met.high for met, value in shown):
@@ -115,7 +110,7 @@ class Naming:
 
     def _is_met(self, candidate: Candidate, size: Array) -> bool:
         """Whether its size is one that laboratories meet; else it is something else."""
-        met = is_met(candidate, size, self.fit.model)
+        met = sizes.is_met(candidate, size, self.fit.model)
         return met and (candidate.together is None or candidate.together(size))
 
     def _measure_gain(self, fit: Fit, candidate: Candidate) -> tuple[float | None, bool]:
@@ -215,7 +210,7 @@ class Naming:
         """What the recordings say of every effect of the model, named or not; of the body's together."""
         taken = self.fit.by_key
         for key, effect in taken.items():
-            sd = list_usual_deviations(effect.candidate, self.fit.model)
+            sd = sizes.list_usual_deviations(effect.candidate, self.fit.model)
             if key in self.leanings and sd is not None:
                 self.leanings[key] = Leanings.of(effect.candidate, effect.size, self.covariances[key], sd)
         together = body.lean(self.leanings.keys() - taken.keys())

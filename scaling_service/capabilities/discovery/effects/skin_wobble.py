@@ -74,7 +74,7 @@ def tune_swing(base: Base, whites: Sequence[tuple[White, Array]], candidate: Can
     return replace(candidate, note=describe_oscillation(*anew), change=Swinging(change.markers, *anew))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Skin:
     """Some markers of a recording that may swing."""
 
@@ -93,7 +93,14 @@ class _Skin:
         item, rows = white.look.item, white.look.rows
         at = [item.markers.index(m) for m in known]
         pull, axes = compute_pull(item.places[:, at], item.step), place_in_segments(item, rows)[:, at]
-        return cls(white, left, tuple(known), pull, axes, spots.reshape(-1, 3))
+        return cls(
+            white=white,
+            left=left,
+            markers=tuple(known),
+            pull=pull,
+            axes=axes,
+            spots=spots.reshape(-1, 3),
+        )
 
     def move(self, pair: tuple[float, float]) -> dict[str, Array]:
         """What the swing of every marker does to the whitened residuals, (n, 3 m)."""

@@ -113,11 +113,11 @@ def _find_crossing(weigh: Callable[[float], float], unit: float) -> float:
 def _weigh_body(fit: Fit, candidate: Candidate) -> Callable[[Array], float]:
     """Log odds of a candidate of the body by how large it is (SI)."""
     body = BodyTable.of(fit, given=True, placed=True)
-    choice = next(c for c in body.candidates if c[0].key == candidate.key)
-    places = Counter(c.kind for c, _, _ in body.candidates)[candidate.kind]
+    own = next(c for c, _ in body.candidates if c.key == candidate.key)
+    places = Counter(c.kind for c, _ in body.candidates)[candidate.kind]
 
     def weigh(size: Array) -> float:
-        moved = choice[2].expand(len(body.base)) @ size
+        moved = body.base.expand(own) @ size
         sums = [
             replace(
                 s,
@@ -126,7 +126,7 @@ def _weigh_body(fit: Fit, candidate: Candidate) -> Callable[[Array], float]:
             )
             for s in body.table.sums
         ]
-        return replace(body, table=replace(body.table, sums=sums)).weigh(choice, places, {}).odds
+        return replace(body, table=replace(body.table, sums=sums)).weigh(own, places).odds
 
     return weigh
 
@@ -155,7 +155,7 @@ def _weigh_once(effect: Effect, draw: Callable[[float], Hidden], write: Write) -
         search = _open(hidden, write)
         if effect.kind == "marker_swap":
             search.find_labels()
-            ranked = [n.ranked for n in search.named]
+            ranked = list(search.named)
         elif effect.needs == "forces":
             ranked = search._rank_forces()[1]
         else:

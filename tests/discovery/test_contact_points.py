@@ -52,14 +52,14 @@ def distance(point: Array) -> float:
 def test_a_turning_force_shows_its_point(sway: WrenchFit) -> None:
     item = pushed(sway, 60.0, 0.6, 1.5)
     spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)), 0.1 * NOISE)
-    assert distance(fit_point([spell], "torso")) < 0.02
+    assert distance(fit_point(spell, "torso")) < 0.02
 
 
 def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
     """Noise alone would say where on it: the moment about the point found is none all the same."""
     item = pushed(sway, 60.0, 0.6, 1.5, turning=False)
     spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)), 0.1 * NOISE)
-    apart = fit_point([spell], "torso") - np.array(POINT)
+    apart = fit_point(spell, "torso") - np.array(POINT)
     along = np.array([1.0, 0.3, 0.0]) / np.hypot(1.0, 0.3)
     assert np.linalg.norm(np.cross(apart, along)) < 0.05
 

@@ -146,7 +146,7 @@ def test_without_a_held_out_trial_all_are_told_to_fit() -> None:
     fitting = [SearchTrial(r.trial, "fit") for r in recorded(person(), truth)]
     result = found(fitting)
     assert [n.effect.candidate.kind for n in result.findings.named] == ["segment_length"]
-    assert result.findings.folds
+    assert result.findings.held_out is result.findings.fit
     assert any("held out" in note for note in result.findings.notes)
 
 

@@ -112,7 +112,6 @@ def findings(*effects: NamedEffect) -> Findings:
         named=effects,
         fit=gap,
         held_out=gap,
-        folds=False,
         tried=(),
         unexplained=(),
         reason="enough",

@@ -11,11 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import candidates
-from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track
@@ -64,18 +62,14 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
     left_out = {
         effect.candidate.key: effect.candidate.name
         for effect in fit.effects
-        if any(_is_moving(one) for one in (effect.candidate, *alike.get(effect.candidate.key, ())))
+        if any(
+            one.follows or isinstance(one.change, candidates.FreeMotion)  # moves from frame to frame
+            for one in (effect.candidate, *alike.get(effect.candidate.key, ()))
+        )
         and _measure_left_over(_list_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
     }
     reduced = fit.without(left_out)
     return reduced, tuple(left_out.values())
-
-
-def _is_moving(candidate: candidates.Candidate) -> bool:
-    """Whether it moves markers or joints from frame to frame."""
-    parts = [part for column in candidate.columns for part in column.parts]
-    follows = any(isinstance(part.profile, Following) for part in parts)
-    return follows or isinstance(candidate.change, candidates.FreeMotion)
 
 
 def _list_segments(effect: candidates.Estimate, model: body.BodyModel) -> set[str]:
@@ -126,26 +120,16 @@ def _expect(
     """The rotation about the posture in which markers were placed; a sentence where it cannot hold here."""
     names = model.coordinate_names
     column, flexion = names.index(rotation.coordinate), names.index(rotation.flexion)
-    gaps, turns, flexed, sds = [], [], [], []
+    segments, found = (rotation.parent, rotation.child), [np.zeros((4, 0))]
     for item in followed:
-        # Mean squared residual of two segments' markers in each frame, (n,), m2; NaN where not all are
-        # seen.
-        segments = (rotation.parent, rotation.child)
-        motion = item.motion
-        owners = np.array([model.marker(name).segment for name in motion.markers])
-        own: NDArray[np.bool_] = np.isin(owners, segments)
-        if any(np.sum(owners == segment) < _FEWEST for segment in segments):
-            gap = np.full(len(motion.q), np.nan)
-        else:
-            gap = np.asarray(np.square(motion.residuals[:, own]).mean(axis=(1, 2)))
-        sd = item.uncertainty.sd[:, column]
-        q = item.motion.q
-        known = np.isfinite(gap) & np.isfinite(sd) & np.isfinite(q[:, flexion]) & (sd > 0.0)
-        gaps.append(gap[known])
-        turns.append(q[known, column])
-        flexed.append(q[known, flexion])
-        sds.append(sd[known])
-    gap, turn, bent, sd = (np.concatenate(part) for part in (gaps, turns, flexed, sds))
+        q, sd = item.motion.q, item.uncertainty.sd[:, column]
+        owners = np.array([model.marker(name).segment for name in item.motion.markers])
+        if all(np.sum(owners == segment) >= _FEWEST for segment in segments):
+            # Mean squared residual of both segments' markers in each frame, NaN where not all are seen
+            gap = np.square(item.motion.residuals[:, np.isin(owners, segments)]).mean(axis=(1, 2))
+            rows = np.stack([gap, q[:, column], q[:, flexion], sd])
+            found.append(rows[:, np.isfinite(rows[[0, 2, 3]]).all(axis=0) & (sd > 0.0)])
+    gap, turn, bent, sd = np.concatenate(found, axis=1)
     if len(gap) < _FEWEST:
         return None
     best = np.argsort(gap)[: max(_FEWEST, round(_BEST * len(gap)))]

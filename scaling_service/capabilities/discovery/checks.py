@@ -53,41 +53,31 @@ def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> No
     """
     away = (
         LARGEST_M,
-        (
-            "the model does not fit this recording at all",
-            "markers",
-            "Check that model and recording are of the same person, that the files' units are right, and "
-            "that no labels are exchanged",
-        ),
+        "the model does not fit this recording at all",
+        "markers",
+        "Check that model and recording are of the same person, that the files' units are right, and that no "
+        "labels are exchanged",
     )
     size = (
         UNSCALED_M,
-        (
-            "the model does not have this person's size",
-            "model",
-            "Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
-        ),
+        "the model does not have this person's size",
+        "model",
+        "Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
     )
     scaling = (
         MISFIT_M,
-        (
-            "the scaled model does not follow this recording",
-            "model",
-            "Look at the scaling first (`scale`), at the labels under `markers:`, and at whether the static "
-            "trial is of this person and day",
-        ),
+        "the scaled model does not follow this recording",
+        "model",
+        "Look at the scaling first (`scale`), at the labels under `markers:`, and at whether the static "
+        "trial is of this person and day",
     )
     for trial in trials:
         distance = measure_typical_distance(model, trial)
-        for limit, (what, field, remedy) in (away, scaling if scaled else size):
+        for limit, what, field, remedy in (away, scaling if scaled else size):
             if distance > limit:
                 said = f"half of the markers are more than {1e3 * distance:.0f} mm away from the model's"
-                raise TrialUnusable(
-                    f"{what}: {said}, so no single effect is looked for",
-                    file=trial.name,
-                    field=field,
-                    remedy=remedy,
-                )
+                problem = f"{what}: {said}, so no single effect is looked for"
+                raise TrialUnusable(problem, file=trial.name, field=field, remedy=remedy)
 
 
 def measure_typical_distance(model: BodyModel, trial: Trial) -> float:

@@ -54,5 +54,5 @@ def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progre
 def list_kinds() -> dict[str, Kind]:
     """What the service offers of this capability."""
     return {
-        "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument),
+        "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument)
     }

@@ -13,7 +13,6 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import candidates, spots
 from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
 from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim.joints import plan_joints
@@ -35,7 +34,7 @@ def make_own_models(fit: Fit) -> dict[str, body.BodyModel]:
     own = {
         trial
         for effect in fit.effects
-        if any(not isinstance(part.spot, spots.VolumeSpot) for part in _list_parts(effect))
+        if any(not isinstance(part.spot, spots.VolumeSpot) for part in effect.candidate.parts)
         for trial in effect.candidate.trials
     }
     return {
@@ -48,10 +47,6 @@ def _apply_everywhere(model: body.BodyModel, effects: Sequence[candidates.Estima
     """A model with effects, whatever recordings they hold in."""
     everywhere = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
     return with_inertial_changes(with_effects(model, everywhere, _ANY_TRIAL), everywhere)
-
-
-def _list_parts(effect: candidates.Estimate) -> list[candidates.Part]:
-    return [part for column in effect.candidate.columns for part in column.parts]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +89,8 @@ def _describe_refusal(
         return "turn the gravity of OpenSim's model by its numbers, which are in discovery.json"
     if any(isinstance(load, Wobbling) for load in loads):
         return "model files hold no oscillation; its numbers are in discovery.json"
-    for part in _list_parts(effect):
-        if isinstance(part.spot, spots.MarkerSpot) and isinstance(part.profile, Following):
+    for part in effect.candidate.parts:
+        if isinstance(part.spot, spots.MarkerSpot) and part.profile is not None:
             return "OpenSim's markers do not move on their segments; model.json holds it"
     try:
         plan_joints(_apply_everywhere(model, kept))
@@ -108,10 +103,9 @@ def _can_be_amended(effect: candidates.Estimate) -> bool:
     """Whether a file can be given an effect: a change of sizes, centres, axes, markers or masses, or none."""
     if isinstance(effect.candidate.change, candidates.FreeMotion):
         return False
-    plain = spots.MarkerSpot | spots.SizeSpot | spots.VolumeSpot
     return effect.candidate.kind == TILT or all(
-        isinstance(part.profile, Constant) and (isinstance(part.spot, plain) or _is_centre(part.spot))
-        for part in _list_parts(effect)
+        part.profile is None and (not isinstance(part.spot, spots.JointSpot) or _is_centre(part.spot))
+        for part in effect.candidate.parts
     )
 
 

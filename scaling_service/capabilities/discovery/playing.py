@@ -48,13 +48,11 @@ def _list_bones(prepared: Prepared, detail: scene.Detail) -> dict[str, Bone]:
 
 
 def _play_recording(name: str, item: MotionFit) -> scene.Played:
-    distances = np.linalg.norm(item.residuals, axis=2)
-    model = item.task.model
     return scene.Played(
         body=name,
-        model=model,
+        model=item.task.model,
         q=item.q,
         markers=item.markers,
-        distances=distances,
-        estimated=frozenset(model.coordinate_names),
+        distances=np.linalg.norm(item.residuals, axis=2),
+        estimated=frozenset(item.task.model.coordinate_names),
     )

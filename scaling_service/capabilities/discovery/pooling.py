@@ -19,20 +19,14 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.evidence.fit import fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.mirror import flip_name, mirror_numbers
-from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.result import DiscoverResults
-from scaling_service.capabilities.discovery.search.gaps import rms_by_place
+from scaling_service.capabilities.discovery.search.findings import UNITS
+from scaling_service.capabilities.discovery.search.gaps import PARTS, rms_by_place
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 
 FEWEST = 2  # persons
-GAPS: Mapping[str, tuple[tuple[str, ...] | None, float]] = {
-    "markers_mm": (None, 1e3),
-    "force_N": (COMPONENTS[:3], 1.0),
-    "moment_Nm": (COMPONENTS[3:], 1.0),
-}
-"""What is left of what did not fit: components (None: all markers), and how many of it make one of SI."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,10 +145,9 @@ class Pooled:
             effects += one.place(results.leanings.candidates, results.before.model, size)
         fit = fit_recordings(results.after.context, effects, results.after)
         unseen = [item.name for item in fit.tracked if item.role == "held_out"]
-        left = {}
-        for name, (components, unit) in GAPS.items():
-            trials = unseen or [item.name for item in fit.tracked]
-            rms = rms_by_place(fit, trials, forces=components is not None)
-            if shown := [rms[place] for place in components or rms if place in rms]:
-                left[name] = unit * math.sqrt(np.mean(np.square(shown)))
+        trials, left = unseen or [item.name for item in fit.tracked], {}
+        for observable, (name, part) in PARTS.items():
+            rms = rms_by_place(fit, trials, forces=observable != "marker")
+            if shown := list(rms.values())[part]:
+                left[name] = UNITS[observable][1] * math.sqrt(np.mean(np.square(shown)))
         return left

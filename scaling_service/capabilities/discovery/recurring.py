@@ -20,10 +20,7 @@ from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery import options, pooling, words
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
-from scaling_service.capabilities.discovery.evidence.fit import (
-    Fit,
-    SearchContext,
-)
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
 from scaling_service.capabilities.discovery.result import DiscoverResults
@@ -52,6 +49,7 @@ _MOST = 5  # effects that are listed (chosen)
 _UNLIKELY = f"log odds below {USUAL.odds:g}"
 _ALONE = "one person alone shows it"
 _WORSE = "what did not fit is worse with it"
+_GAPS = words.LEVELS[1:]
 Pair = tuple[Rounded, Rounded]
 
 
@@ -214,7 +212,7 @@ def find_recurring(
 
 def _is_worse(before: Left, after: Left, persons: Sequence[str]) -> bool:
     """Whether markers, forces or moments are worse over some persons."""
-    for name in pooling.GAPS:
+    for name, *_ in _GAPS:
         a, b = (sum(some[who].get(name, 0.0) ** 2 for who in persons) for some in (before, after))
         if b > (1.0 + USUAL.worse) ** 2 * a:
             return True
@@ -288,9 +286,11 @@ def summarise(document: RecurringDocument) -> Summary:
     ]
     if document.corrected:
         why.append(f"The generic model without it: {', '.join(document.corrected)}.")
-    labels = {field: f"{name}, {unit}" for field, name, unit in words.LEVELS if field in pooling.GAPS}
     rows = [
-        Row(who, [_show_pair(getattr(entry, field)) for field in labels] + [f"{entry.log_odds:+.1f}"])
+        Row(
+            who,
+            [_show_pair(getattr(entry, field)) for field, *_ in _GAPS] + [f"{entry.log_odds:+.1f}"],
+        )
         for who, entry in document.persons.items()
     ]
     told = [
@@ -318,7 +318,11 @@ def summarise(document: RecurringDocument) -> Summary:
             0,
             Table(
                 caption="What the corrected model does to recordings that did not fit: RMS before → after",
-                columns=["person", *labels.values(), "log likelihood"],
+                columns=[
+                    "person",
+                    *(f"{name}, {unit}" for _, name, unit in _GAPS),
+                    "log likelihood",
+                ],
                 rows=rows,
             ),
         )
@@ -337,10 +341,9 @@ def summarise(document: RecurringDocument) -> Summary:
 
 def _say_gaps(person: str, entry: PersonEntry) -> str:
     """What an effect does to one person's recordings; empty where that was not tried."""
-    labels = {field: (name, unit) for field, name, unit in words.LEVELS if field in pooling.GAPS}
     said = [
         f"{name} {_show_pair(pair)} {unit}"
-        for field, (name, unit) in labels.items()
+        for field, name, unit in _GAPS
         if (pair := getattr(entry, field)) is not None
     ]
     return f"{person}: {', '.join(said)}" if said else ""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from html import escape
-from typing import Any
 
 import numpy as np
 import scipy
@@ -25,6 +24,7 @@ from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.search.findings import (
     Findings,
     NamedEffect,
+    place_candidate,
     turn_into_probability,
 )
 from scaling_service.capabilities.discovery.search.leanings import Leanings
@@ -124,15 +124,7 @@ def make_discovery_document(
         disagreements=list(found.disagreements),
         effects=effects,
         gap=documents.BothGaps(fit=found.fit, held_out=found.held_out),
-        tried=[
-            documents.TriedDocument(
-                **_place(one.candidate),
-                gain=one.gain,
-                log_odds=one.odds,
-                smallest_nameable=_select_finite(one.smallest),
-            )
-            for one in found.tried
-        ],
+        tried=list(found.tried),
         estimates=list(_list_estimates(results.leanings)),
         unexplained=list(found.unexplained),
         bones=documents.BonesDocument(
@@ -160,21 +152,6 @@ def make_discovery_document(
     )
 
 
-def _select_finite(sizes: Mapping[str, float]) -> dict[str, float]:
-    return {name: size for name, size in sizes.items() if math.isfinite(size)}
-
-
-def _place(candidate: candidates.Candidate) -> dict[str, Any]:
-    """A candidate as a kind at a place."""
-    return {
-        "kind": candidate.kind,
-        "where": list(candidate.where),
-        "driver": list(candidate.driver),
-        "trials": list(candidate.trials) or None,
-        "note": candidate.note,
-    }
-
-
 def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:
     """What is told of single things of the model, the one that is most unlike it first."""
     posteriors = [one for one in leanings.each() if one[0].kind in _ESTIMATED]
@@ -185,7 +162,7 @@ def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:
         if told.any():
             numbers = zip(candidate.columns, size.tolist(), sds.tolist(), told.tolist(), strict=True)
             yield documents.EstimateDocument(
-                **_place(candidate),
+                **place_candidate(candidate),
                 parameters={
                     c.name: documents.QuantityDocument(
                         value=c.neutral + c.unit * value, sd=abs(c.unit) * sd, determined=known
@@ -211,18 +188,18 @@ def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.Effe
         numbers[name] = number
     there, size = turn_into_probability(named.odds), min(sizes, default=None)
     sign = estimate_sign_probability(named.effect.size, named.covariance)
-    others = [documents.PlacedEffect(**_place(other)) for other in named.equivalents]
+    others = [documents.PlacedEffect(**place_candidate(other)) for other in named.equivalents]
     as_class = member < words.TOLD_ALONE
     return documents.EffectDocument(
-        **_place(candidate),
-        name=words.describe_class([documents.PlacedEffect(**_place(candidate)), *others])
+        **place_candidate(candidate),
+        name=words.describe_class([documents.PlacedEffect(**place_candidate(candidate)), *others])
         if as_class
         else words.describe_effect(
             candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
         ),
         carries=named.gain >= words.NOTHING,
         parameters=numbers,
-        smallest_nameable=_select_finite(named.smallest),
+        smallest_nameable={k: size for k, size in named.smallest.items() if math.isfinite(size)},
         advice=_advise(named, as_class=as_class, left_out=candidate.name in results.left_out),
         confusable_with=others,
         would_separate=named.would_separate or None,

@@ -140,14 +140,11 @@ def run_hidden_demo(
         AS_MEASURED.model_copy(update={"seed": seed}),
         progress=report,
     )
-    truth = [
-        HiddenDocument(
-            kind=h.kind,
-            where=list(h.where),
-            driver=list(h.driver),
-            trials=None if h.trial is None else [h.trial],
-            parameters=dict(h.parameters),
+    truth = []
+    for h in hidden:
+        trials, parameters = None if h.trial is None else [h.trial], dict(h.parameters)
+        where, driver = list(h.where), list(h.driver)
+        truth.append(
+            HiddenDocument(kind=h.kind, where=where, driver=driver, trials=trials, parameters=parameters)
         )
-        for h in hidden
-    ]
     return replace(results, hidden=truth)

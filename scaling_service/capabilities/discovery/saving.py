@@ -106,11 +106,7 @@ def write_contacts(folder: Path, fit: Fit) -> tuple[str, ...]:
 
 
 def save_discovery(
-    results: DiscoverResults,
-    folder: str | Path,
-    *,
-    report: bool = True,
-    progress: Progress | None = None,
+    results: DiscoverResults, folder: str | Path, *, report: bool = True, progress: Progress | None = None
 ) -> DiscoveryDocument:
     """Write ``discovery.json``, the corrected model and recordings, and the report into a folder.
 

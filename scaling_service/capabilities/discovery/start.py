@@ -212,10 +212,7 @@ class Prepared:
 
 
 def prepare(
-    loaded: Loaded,
-    chosen: DiscoverSettings,
-    settings: Settings,
-    progress: Progress | None = None,
+    loaded: Loaded, chosen: DiscoverSettings, settings: Settings, progress: Progress | None = None
 ) -> Prepared:
     """Scale the model, read the forces, and refuse a model that does not follow the recordings at all.
 

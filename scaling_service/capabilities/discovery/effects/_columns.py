@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from scaling_service.capabilities.discovery.laws.candidates import Column, Part
-from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Following, Profile
+from scaling_service.capabilities.discovery.laws.profiles import Following, Profile
 from scaling_service.capabilities.discovery.laws.spots import LETTERS, JointSpot, MarkerSpot, Spot
 
 MM = 1e3
@@ -35,7 +35,7 @@ def turn_of(segment: str) -> Spots:
 def make_shifts(spots: Spots, *, driver: str | None = None) -> tuple[Column, ...]:
     """A column for each axis: constant, or per degree of a coordinate."""
     if driver is None:
-        return _make_along_axes(spots, "_mm", MM, ALWAYS)
+        return _make_along_axes(spots, "_mm", MM, None)
     return _make_along_axes(spots, "_mm_per_deg", MM_PER_DEG, Following(driver))
 
 

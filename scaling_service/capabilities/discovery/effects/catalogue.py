@@ -32,7 +32,7 @@ class Effect:
         its numbers are in laboratories stands in ``reference_models/effect_sizes.yaml``, or else between the
         columns' ``low`` and ``high``.
     details : callable, optional
-        Numbers that no column holds, by the names of the results.
+        Numbers that no column holds, by the names of the results: axes, spans of time, frequencies.
     spreads : callable, optional
         Standard deviations of these.
     of_recording : bool
@@ -41,10 +41,10 @@ class Effect:
 
     kind: str
     meaning: str
-    candidates: Callable[[Scene], Iterable[Candidate]] | None = None
+    candidates: Callable[[Scene], Iterable[Candidate]] = lambda _scene: ()
     _: KW_ONLY
-    details: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
-    spreads: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
+    details: Callable[[Estimate, Fit], Mapping[str, float]] = lambda _effect, _after: {}
+    spreads: Callable[[Estimate, Fit], Mapping[str, float]] = lambda _effect, _after: {}
     of_recording: bool = False
 
 
@@ -74,17 +74,5 @@ def _require_effect(source: Any) -> Effect:
 def propose_candidates(scene: Scene, kinds: Collection[str] | None = None) -> Iterator[Candidate]:
     """All effects (or those kinds) that are sums of columns, at all places where they could be."""
     for effect in find_effects().values():
-        if effect.candidates is not None and (kinds is None or effect.kind in kinds):
+        if kinds is None or effect.kind in kinds:
             yield from effect.candidates(scene)
-
-
-def describe_details(effect: Estimate, after: Fit) -> Mapping[str, float]:
-    """What the columns do not say, by the names of the results: axes, spans of time, frequencies."""
-    found = find_effects()[effect.candidate.kind].details
-    return {} if found is None else found(effect, after)
-
-
-def estimate_spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
-    """Standard deviations of the details that have one."""
-    found = find_effects()[effect.candidate.kind].spreads
-    return {} if found is None else found(effect, after)

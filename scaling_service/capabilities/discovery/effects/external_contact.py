@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws import contacts
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
-from scaling_service.capabilities.discovery.laws.contacts import (
-    Spell,
-    find_edges,
-    fit_edges,
-    fit_point,
-    is_throughout,
-)
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import Touch
 from scaling_service.capabilities.discovery.ordinary.sums import find_best_span
 from scaling_service.capabilities.kinetics.forces import find_feet
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.rigid import build_skew
 
 KIND = "external_contact"
 _FORCE_N_PER_KG = 5.0  # SD along an axis (chosen: half a body weight)
@@ -54,7 +49,7 @@ def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, 
         names = [s.name for s in item.model.segments if s.name in shown]
         weight = min(1.0, item.step / (2.0 * _LASTING_S))
         for name in names:
-            point = fit_point([Spell(item, rows, noise)], name)
+            point = contacts.fit_point(contacts.Spell(item, rows, noise), name)
             # Logarithm of the Bayes factor of each frame of a force of any direction at a point, (n,).
             columns = _press(item, name, point) / noise[:, None]
             gap, sd = item.residuals / noise, _FORCE_N_PER_KG * item.mass
@@ -67,7 +62,7 @@ def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, 
             if len(inside) < _FEWEST:
                 continue
             edges = 2.0 * math.log(max(weight * len(gains), 1.0))
-            contact = _make_contact(Spell(item, inside, noise), name, point)
+            contact = _make_contact(contacts.Spell(item, inside, noise), name, point)
             candidate = Candidate(kind=KIND, where=(name,), columns=(), trials=(item.name,), change=contact)
             common = _UNDERFOOT if name in feet else 0.0
             places = 0.0 if name in known else math.log(len(names))
@@ -98,20 +93,16 @@ def make_touch(fit: Fit, candidate: Candidate) -> Touch:
 
 def _press(item: WrenchFit, segment: str, point: Array) -> Array:
     """What a force along each axis at a point of a segment does, (n, 6, 3), moment about the trunk."""
-    origin, axes = item.segment_frame(segment)
-    arm = origin + np.einsum("njk,j->nk", axes, point) - item.about
-    columns = np.zeros((len(arm), 6, 3))
-    columns[:, :3] = np.eye(3)
-    columns[:, 3:] = np.cross(arm[:, None], np.eye(3)).transpose(0, 2, 1)
-    return columns
+    arm = build_skew(contacts.locate(item, segment, point) - item.about)
+    return np.concatenate([np.broadcast_to(np.eye(3), arm.shape), arm], axis=1)
 
 
-def _make_contact(spell: Spell, segment: str, point: Array) -> Contact:
+def _make_contact(spell: contacts.Spell, segment: str, point: Array) -> Contact:
     x, y, z = (float(v) for v in point)
     item = spell.wrench
     start, end = float(item.times[0]), float(item.times[-1])
-    if not is_throughout(item, spell.rows):
-        (start, _), (end, _) = fit_edges(spell, item.residuals[:, :3])
+    if not contacts.is_throughout(item, spell.rows):
+        (start, _), (end, _) = contacts.fit_edges(spell, item.residuals[:, :3])
     return Contact(
         segment=segment, start_s=start, end_s=end, point=(x, y, z), noise=tuple(spell.noise.tolist())
     )
@@ -122,7 +113,7 @@ def _describe_contact(effect: Estimate, after: Fit) -> Mapping[str, float]:
     contact = effect.candidate.change
     assert isinstance(contact, Contact)
     point = dict(zip(("x_mm", "y_mm", "z_mm"), (1e3 * v for v in contact.point), strict=True))
-    rms, _ = _measure_rms(_list_touched(effect, after), contact)
+    rms, _ = _measure_rms(_find_touched(effect, after), contact)
     return {"start_s": contact.start_s, "end_s": contact.end_s, "rms_N": rms, **point}
 
 
@@ -130,37 +121,32 @@ def _estimate_contact_spreads(effect: Estimate, after: Fit) -> Mapping[str, floa
     """Of its beginning, end and strength, where it has both of the former."""
     contact = effect.candidate.change
     assert isinstance(contact, Contact)
-    here = _list_touched(effect, after)
-    edges = find_edges(here, contact)
+    item = _find_touched(effect, after)
+    edges = contacts.find_edges(item, contact)
     if edges is None:
         return {}
     (_, of_start), (_, of_end) = edges
-    rms, of_noise = _measure_rms(here, contact)
+    rms, of_noise = _measure_rms(item, contact)
     # The mean square over an interval that is longer by a share is smaller by that share; a force that grows
     # and fades slowly hides at both ends.
     of_interval = 0.5 * rms * (of_start + of_end) / (contact.end_s - contact.start_s)
     return {"start_s": of_start, "end_s": of_end, "rms_N": float(np.hypot(of_noise, of_interval))}
 
 
-def _list_touched(effect: Estimate, after: Fit) -> list[WrenchFit]:
-    shown = [item for item in after.wrenches if effect.candidate.holds_in(item.name)]
-    return [item for item in shown if item.touched is not None]
+def _find_touched(effect: Estimate, after: Fit) -> WrenchFit:
+    return next(item for item in after.wrenches if effect.candidate.holds_in(item.name))
 
 
-def _measure_rms(here: Sequence[WrenchFit], contact: Contact) -> tuple[float, float]:
+def _measure_rms(item: WrenchFit, contact: Contact) -> tuple[float, float]:
     """RMS of the force inferred, free of what noise adds to it, and what noise makes of it, N."""
-    squares, noise, independent = [], [], 0.0
-    for item in here:
-        assert item.touched is not None
-        inside = (item.times >= contact.start_s) & (item.times <= contact.end_s) & item.usable
-        squares.append(np.square(item.touched[inside, :3]).sum(axis=1))
-        noise.append(np.full(int(inside.sum()), np.square(contact.noise[:3]).sum()))
-        independent += inside.sum() * 2.0 * item.cutoff_hz / item.tracked.trial.rate_hz
+    assert item.touched is not None
+    inside = (item.times >= contact.start_s) & (item.times <= contact.end_s) & item.usable
+    independent = inside.sum() * 2.0 * item.cutoff_hz / item.tracked.trial.rate_hz
     if independent < 1.0:
         return float("nan"), float("nan")
-    added = float(np.concatenate(noise).mean())
-    rms = np.sqrt(max(float(np.concatenate(squares).mean()) - added, 0.0))
-    return float(rms), float(np.sqrt(added / 3.0 / independent))
+    added = float(np.square(contact.noise[:3]).sum())
+    square = float(np.square(item.touched[inside, :3]).sum(axis=1).mean())
+    return float(np.sqrt(max(square - added, 0.0))), float(np.sqrt(added / 3.0 / independent))
 
 
 EFFECTS = (

@@ -29,8 +29,7 @@ _AROUND: tuple[At, At] = ("before", "after")
 def propose_centre_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns."""
     for segment in scene.jointed:
-        columns = make_shifts(shift_of(segment.name))
-        yield Candidate(kind="joint_centre_offset", where=(segment.joint_name,), columns=columns)
+        yield Candidate("joint_centre_offset", (segment.joint_name,), make_shifts(shift_of(segment.name)))
 
 
 def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
@@ -42,11 +41,12 @@ def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.jointed:
         across = list_across(segment)
         if len(across) < 3:
-            columns = tuple(
-                Column(name=f"{LETTERS[k]}_deg", unit=DEG, parts=_shift_and_return(segment.name, k))
-                for k in across
-            )
-            yield Candidate(kind=AXIS_TILT, where=(segment.joint_name,), columns=columns)
+            columns = []
+            for k in across:
+                before, after = (JointSpot(segment.name, at, "rotation", k) for at in _AROUND)
+                parts = Part(before), Part(after, gain=-1.0)
+                columns.append(Column(name=f"{LETTERS[k]}_deg", unit=DEG, parts=parts))
+            yield Candidate(AXIS_TILT, (segment.joint_name,), tuple(columns))
 
 
 def list_across(segment: Segment) -> list[int]:
@@ -58,11 +58,6 @@ def list_across(segment: Segment) -> list[int]:
     return [k for k in range(3) if k != main]
 
 
-def _shift_and_return(segment: str, axis: int) -> tuple[Part, Part]:
-    before, after = (JointSpot(segment, at, "rotation", axis) for at in _AROUND)
-    return Part(before), Part(after, gain=-1.0)
-
-
 def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns, gliding or turning with each of its own coordinates."""
     for segment in scene.jointed:
@@ -70,34 +65,26 @@ def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
             where = (segment.joint_name,)
             gliding = make_shifts(shift_of(segment.name), driver=driver)
             turning = tuple(make_turns(turn_of(segment.name), driver=driver)[k] for k in list_across(segment))
-            yield Candidate(kind="coupled_motion", where=where, columns=gliding, driver=(driver,))
-            yield Candidate(
-                kind="coupled_motion", where=where, columns=turning, driver=(driver,), note="turning"
-            )
+            yield Candidate("coupled_motion", where, gliding, driver=(driver,))
+            yield Candidate("coupled_motion", where, turning, driver=(driver,), note="turning")
 
 
 def propose_segment_lengths(scene: Scene) -> Iterator[Candidate]:
     """Every segment that has a size."""
     for name in list_sized(scene):
         column = Column(name="factor", unit=1.0, parts=(Part(SizeSpot(name)),), neutral=1.0)
-        yield Candidate(kind="segment_length", where=(name,), columns=(column,))
+        yield Candidate("segment_length", (name,), (column,))
 
 
 EFFECTS = (
     Effect(
-        kind="joint_centre_offset",
-        meaning="the joint's centre lies elsewhere in the parent segment",
-        candidates=propose_centre_offsets,
+        "joint_centre_offset",
+        "the joint's centre lies elsewhere in the parent segment",
+        propose_centre_offsets,
     ),
-    Effect(kind=AXIS_TILT, meaning="the joint's axis is turned", candidates=propose_axis_tilts),
+    Effect(AXIS_TILT, "the joint's axis is turned", propose_axis_tilts),
+    Effect("coupled_motion", "the joint glides or turns along with a coordinate", propose_coupled_motions),
     Effect(
-        kind="coupled_motion",
-        meaning="the joint glides or turns along with a coordinate",
-        candidates=propose_coupled_motions,
-    ),
-    Effect(
-        kind="segment_length",
-        meaning="the segment is longer or shorter, its markers following",
-        candidates=propose_segment_lengths,
+        "segment_length", "the segment is longer or shorter, its markers following", propose_segment_lengths
     ),
 )

@@ -14,14 +14,8 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
+from scaling_service.capabilities.discovery.ordinary import sums
 from scaling_service.capabilities.discovery.ordinary.body import make_clusters
-from scaling_service.capabilities.discovery.ordinary.sums import (
-    find_best_span,
-    list_patterns,
-    place_in_segments,
-    turn_vectors,
-    weigh_frames,
-)
 from scaling_service.numerics.multibody.laws import Array
 
 _PLACE_M = 0.015  # of a marker's place along an axis, whatever model it is (see ``ordinary.body``)
@@ -53,8 +47,8 @@ def find_exchanges(item: MotionFit) -> list[tuple[float, Candidate]]:
     gains = np.concatenate(
         [_gain(item, generators, covariance, rows, first, second) for rows in item.chunks(_CHUNK)]
     )
-    spans = [find_best_span(gains[:, k]) for k in range(len(pairs))]
-    weight = weigh_frames(item, item.step)
+    spans = [sums.find_best_span(gains[:, k]) for k in range(len(pairs))]
+    weight = sums.weigh_frames(item, item.step)
     edges = 2.0 * math.log(max(weight * len(gains), 1.0))
     found = []
 
@@ -100,11 +94,11 @@ def _gain(
 ) -> Array:
     """What exchanging each pair takes off in some frames, (n, n_pairs)."""
     gap, pose, _ = generators.at(item, rows)
-    axes, seen = place_in_segments(item, rows), item.seen[rows]
-    gap, pose = turn_vectors(axes, gap), turn_vectors(axes, pose)
+    axes, seen = sums.place_in_segments(item, rows), item.seen[rows]
+    gap, pose = sums.turn_vectors(axes, gap), sums.turn_vectors(axes, pose)
     n, count = seen.shape
     R = np.zeros((n, 3 * count, 3 * count))
-    for at, here in list_patterns(seen):
+    for at, here in sums.list_patterns(seen):
         R[np.ix_(here, at, at)] = np.linalg.inv(covariance[np.ix_(at, at)])
     shown = np.matmul(pose, R)
     bend = np.matmul(shown, pose.transpose(0, 2, 1))

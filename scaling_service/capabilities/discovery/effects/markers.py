@@ -18,60 +18,48 @@ def propose_marker_offsets(scene: Scene) -> Iterator[Candidate]:
     for marker in scene.markers:
         columns = make_shifts(of_markers(marker))
         for trials in scene.scopes:
-            yield Candidate(kind="marker_offset", where=(marker,), columns=columns, trials=trials)
+            yield Candidate("marker_offset", (marker,), columns, trials=trials)
 
 
 def propose_skin_artefacts(scene: Scene) -> Iterator[Candidate]:
     """Every marker and the groups of every segment, with each coordinate at its ends, groups with two."""
     for segment in scene.bearing:
-        groups = scene.groups_on(segment.name)
-        for driver in scene.drivers_of(segment.name):
+        groups, every = scene.groups_on(segment.name), scene.drivers_of(segment.name)
+        for drivers in (*((one,) for one in every), *combinations(every, 2)):
             for group in groups:
-                columns = make_shifts(of_markers(*group), driver=driver)
-                yield Candidate(kind="soft_tissue_artefact", where=group, columns=columns, driver=(driver,))
-        for drivers in combinations(scene.drivers_of(segment.name), 2):
-            for group in groups:
-                if len(group) > 1:
-                    yield Candidate(
-                        kind="soft_tissue_artefact",
-                        where=group,
-                        columns=_make_following_shifts(group, drivers),
-                        driver=drivers,
-                    )
+                if len(group) >= len(drivers):
+                    columns = _make_following_shifts(group, drivers)
+                    yield Candidate("soft_tissue_artefact", group, columns, driver=drivers)
 
 
 def _make_following_shifts(group: Sequence[str], drivers: Sequence[str]) -> tuple[Column, ...]:
-    """Shifts of markers together, with several coordinates at once."""
-    return tuple(
-        replace(column, name=column.name.replace("_", f"_{driver}_", 1))
-        for driver in drivers
-        for column in make_shifts(of_markers(*group), driver=driver)
-    )
+    """Shifts of markers together, with one coordinate or several at once."""
+    found = [(d, c) for d in drivers for c in make_shifts(of_markers(*group), driver=d)]
+    if len(drivers) < 2:
+        return tuple(column for _, column in found)
+    return tuple(replace(c, name=c.name.replace("_", f"_{d}_", 1)) for d, c in found)
 
 
 def propose_capture_scale(scene: Scene) -> Iterator[Candidate]:
     """Whole recordings: a calibration wand of another length."""
     column = Column(name="factor", unit=1.0, parts=(Part(VolumeSpot()),), neutral=1.0)
     for trials in scene.scopes:
-        yield Candidate(kind="capture_scale", where=("markers",), columns=(column,), trials=trials)
+        yield Candidate("capture_scale", ("markers",), (column,), trials=trials)
 
 
 EFFECTS = (
     Effect(
-        kind="marker_offset",
-        meaning="the marker sits elsewhere on its segment",
-        candidates=propose_marker_offsets,
-        of_recording=True,
+        "marker_offset", "the marker sits elsewhere on its segment", propose_marker_offsets, of_recording=True
     ),
     Effect(
-        kind="soft_tissue_artefact",
-        meaning="the skin under the marker moves over the bone with a joint's angle",
-        candidates=propose_skin_artefacts,
+        "soft_tissue_artefact",
+        "the skin under the marker moves over the bone with a joint's angle",
+        propose_skin_artefacts,
     ),
     Effect(
-        kind="capture_scale",
-        meaning="all measured positions are scaled by one factor",
-        candidates=propose_capture_scale,
+        "capture_scale",
+        "all measured positions are scaled by one factor",
+        propose_capture_scale,
         of_recording=True,
     ),
 )

@@ -29,20 +29,20 @@ _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, its inertia in proportion."""
     for segment in scene.heavy:
-        load = scale_segment(segment)
-        column = Column(name="kg", unit=1.0, load=load)
-        yield Candidate(kind="segment_mass", where=(segment.name,), columns=(column,))
+        column = Column(name="kg", unit=1.0, load=scale_segment(segment))
+        yield Candidate("segment_mass", (segment.name,), (column,))
 
 
 def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass."""
     for segment in scene.heavy:
-        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
         columns = tuple(
-            Column(name=f"{letter}_mm", unit=MM, load=load)
-            for letter, load in zip(LETTERS, loads, strict=True)
+            Column(
+                name=f"{letter}_mm", unit=MM, load=Inertial(segment.name, differentiate_centre(segment, k))
+            )
+            for k, letter in enumerate(LETTERS)
         )
-        yield Candidate(kind="segment_com", where=(segment.name,), columns=columns)
+        yield Candidate("segment_com", (segment.name,), columns)
 
 
 def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
@@ -54,9 +54,7 @@ def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
             Column(name=name, unit=scale, load=Inertial(segment.name, change), low=-most, high=most)
             for (name, scale, most), change in zip(names, differentiate_load(segment), strict=True)
         )
-        yield Candidate(
-            kind="carried_load", where=(segment.name,), columns=columns, together=near(segment.name)
-        )
+        yield Candidate("carried_load", (segment.name,), columns, together=near(segment.name))
 
 
 def is_within_reach(size: Array) -> bool:
@@ -109,20 +107,9 @@ def _place_of_load(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 
 
 EFFECTS = (
+    Effect("segment_mass", "the segment is heavier or lighter, of the same shape", propose_segment_masses),
+    Effect("segment_com", "the segment's centre of mass lies elsewhere", propose_centres_of_mass),
     Effect(
-        kind="segment_mass",
-        meaning="the segment is heavier or lighter, of the same shape",
-        candidates=propose_segment_masses,
-    ),
-    Effect(
-        kind="segment_com",
-        meaning="the segment's centre of mass lies elsewhere",
-        candidates=propose_centres_of_mass,
-    ),
-    Effect(
-        kind="carried_load",
-        meaning="the segment carries a load at a point",
-        candidates=propose_carried_loads,
-        details=_place_of_load,
+        "carried_load", "the segment carries a load at a point", propose_carried_loads, details=_place_of_load
     ),
 )

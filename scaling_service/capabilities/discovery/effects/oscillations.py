@@ -9,14 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws.candidates import (
-    SHAPES,
-    TRIED,
-    Candidate,
-    Column,
-    Estimate,
-    describe_oscillation,
-)
+from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
 
@@ -25,36 +18,31 @@ _LONG_M = (
 )
 
 
-def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
+def propose_wobbling_masses(scene: Scene) -> Iterator[candidates.Candidate]:
     """Every segment with mass, at each frequency and damping tried, at its centre or near its joint.
 
     Nearer only where that makes a difference: a belly hangs below the middle of the trunk.
     """
     for segment in scene.heavy:
         long = np.linalg.norm(segment.com) > _LONG_M
-        for pair, along in product(TRIED, (1.0, 0.5) if long else (1.0,)):
-            load = Wobbling(segment.name, *pair, along)
-            column = Column(name="kg", unit=1.0, load=load)
-            yield Candidate(
-                kind="wobbling_mass",
-                where=(segment.name,),
-                columns=(column,),
-                note=describe_oscillation(*pair),
-            )
+        for pair, along in product(candidates.TRIED, (1.0, 0.5) if long else (1.0,)):
+            column = candidates.Column(name="kg", unit=1.0, load=Wobbling(segment.name, *pair, along))
+            note = candidates.describe_oscillation(*pair)
+            yield candidates.Candidate("wobbling_mass", (segment.name,), (column,), note=note)
 
 
-def _describe_oscillation(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+def describe_shape(effect: candidates.Estimate, _after: Fit) -> Mapping[str, float]:
     """At which frequency and damping it oscillates."""
     pair = effect.candidate.oscillation
     assert pair is not None
-    return dict(zip(SHAPES, pair, strict=True))
+    return dict(zip(candidates.SHAPES, pair, strict=True))
 
 
 EFFECTS = (
     Effect(
-        kind="wobbling_mass",
-        meaning="part of the segment's own mass oscillates on a spring",
-        candidates=propose_wobbling_masses,
-        details=_describe_oscillation,
+        "wobbling_mass",
+        "part of the segment's own mass oscillates on a spring",
+        propose_wobbling_masses,
+        details=describe_shape,
     ),
 )

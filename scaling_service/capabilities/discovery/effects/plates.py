@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from scaling_service.capabilities.discovery.effects._columns import DEG, MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
@@ -22,61 +23,42 @@ from scaling_service.core.arrays import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N")
 
+_LYING = ("plate_position", "plate_rotation")
 _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
-_Choice = tuple[Sequence[Column], str, Callable[[Array], bool] | None]
-"""Columns, what is noted of them, and whether sizes are plausible together."""
-
-
-def _at_plates(
-    kind: str, choose: Callable[[str], Iterable[_Choice]], *, of_place: bool = False
-) -> Callable[[Scene], Iterator[Candidate]]:
-    """Every loaded plate, in all recordings and in each; how it lies is one for all (``of_place``)."""
-
-    def propose(scene: Scene) -> Iterator[Candidate]:
-        for plate in scene.plates:
-            for columns, note, together in choose(plate):
-                for trials in scene.scopes_of_plate(plate)[: 1 if of_place else None]:
-                    yield Candidate(
-                        kind=kind,
-                        where=(plate,),
-                        columns=tuple(columns),
-                        trials=trials,
-                        note=note,
-                        together=together,
-                    )
-
-    return propose
+_Fault = tuple[str, list[Column], str, Callable[[Array], bool] | None]
+"""Kind, columns, what is noted of them, and whether sizes are plausible together."""
 
 
 def _shift(plate: str, *axes: int) -> list[Column]:
     return [Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k)) for k in axes]
 
 
-def _choose_bias(plate: str) -> Iterator[_Choice]:
-    yield [Column(name=name, unit=1.0, load=PlateBias(plate, k)) for k, name in enumerate(_BIASES)], "", None
-
-
-def _choose_gain(plate: str) -> Iterator[_Choice]:
-    yield [Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate))], "", None
-
-
-def _choose_place(plate: str) -> Iterator[_Choice]:
-    yield _shift(plate, 0, 1, 2), "", None
-
-
-def _choose_rotations(plate: str) -> Iterator[_Choice]:
-    """About the vertical and leaning.
+def _list_faults(plate: str) -> Iterator[_Fault]:
+    """All that one plate may have.
 
     Readings without the plate's place do not tell about which point it is turned: about the vertical one is
     tried, too, that also shifts, the shift being that of the ground's origin.
     """
-    name = "about_vertical_deg"
-    elsewhere = [Column(name=name, unit=DEG, load=PlateTurn(plate, 1, "ground")), *_shift(plate, 0, 2)]
+    turn = "about_vertical_deg"
+    elsewhere = [Column(name=turn, unit=DEG, load=PlateTurn(plate, 1, "ground")), *_shift(plate, 0, 2)]
     leaning = [Column(name=f"tilt_{LETTERS[k]}_deg", unit=DEG, load=PlateTurn(plate, k)) for k in (0, 2)]
-    yield [Column(name=name, unit=DEG, load=PlateTurn(plate, 1))], "", None
-    yield elsewhere, "about another point", _is_turn_alone
-    yield leaning, "leaning", None
+    biases = [Column(name=name, unit=1.0, load=PlateBias(plate, k)) for k, name in enumerate(_BIASES)]
+    yield "plate_bias", biases, "", None
+    yield "plate_gain", [Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate))], "", None
+    yield "plate_position", _shift(plate, 0, 1, 2), "", None
+    yield "plate_rotation", [Column(name=turn, unit=DEG, load=PlateTurn(plate, 1))], "", None
+    yield "plate_rotation", elsewhere, "about another point", _is_turn_alone
+    yield "plate_rotation", leaning, "leaning", None
+
+
+def _propose(kind: str, scene: Scene) -> Iterator[Candidate]:
+    """Every loaded plate, in all recordings and in each; how it lies is one for all."""
+    for plate in scene.plates:
+        scopes = scene.scopes_of_plate(plate)[: 1 if kind in _LYING else None]
+        for own, columns, note, together in _list_faults(plate):
+            for trials in scopes if own == kind else ():
+                yield Candidate(kind, (plate,), tuple(columns), trials=trials, note=note, together=together)
 
 
 def _is_turn_alone(size: Array) -> bool:
@@ -100,40 +82,22 @@ def propose_gravity_tilt(scene: Scene) -> Iterator[Candidate]:
 
 
 EFFECTS = (
+    *(
+        Effect(kind, meaning, partial(_propose, kind), of_recording=True)
+        for kind, meaning in (
+            ("plate_bias", "something constant is added to what the plate measures"),
+            ("plate_gain", "the plate measures a multiple of the true force"),
+            ("plate_position", "the plate lies elsewhere, so that its centre of pressure is shifted"),
+            ("plate_rotation", "the plate is turned"),
+        )
+    ),
     Effect(
-        kind="plate_bias",
-        meaning="something constant is added to what the plate measures",
-        candidates=_at_plates("plate_bias", _choose_bias),
+        "force_delay",
+        "the forces come later (or earlier) than the markers",
+        propose_force_delays,
         of_recording=True,
     ),
     Effect(
-        kind="plate_gain",
-        meaning="the plate measures a multiple of the true force",
-        candidates=_at_plates("plate_gain", _choose_gain),
-        of_recording=True,
-    ),
-    Effect(
-        kind="plate_position",
-        meaning="the plate lies elsewhere, so that its centre of pressure is shifted",
-        candidates=_at_plates("plate_position", _choose_place, of_place=True),
-        of_recording=True,
-    ),
-    Effect(
-        kind="plate_rotation",
-        meaning="the plate is turned",
-        candidates=_at_plates("plate_rotation", _choose_rotations, of_place=True),
-        of_recording=True,
-    ),
-    Effect(
-        kind="force_delay",
-        meaning="the forces come later (or earlier) than the markers",
-        candidates=propose_force_delays,
-        of_recording=True,
-    ),
-    Effect(
-        kind="gravity_tilt",
-        meaning="the laboratory's vertical is not vertical",
-        candidates=propose_gravity_tilt,
-        of_recording=True,
+        "gravity_tilt", "the laboratory's vertical is not vertical", propose_gravity_tilt, of_recording=True
     ),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,22 +11,20 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
-from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.effects.oscillations import describe_shape
 from scaling_service.capabilities.discovery.laws.candidates import (
     DAMPINGS,
     FREQUENCIES_HZ,
-    SHAPES,
     TRIED,
     Candidate,
-    Estimate,
     Swinging,
     describe_oscillation,
 )
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
-from scaling_service.capabilities.discovery.laws.swinging import Pulled
+from scaling_service.capabilities.discovery.observations.oscillator import compute_pull, simulate_oscillator
 from scaling_service.capabilities.discovery.ordinary.columns import Base
-from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
+from scaling_service.capabilities.discovery.ordinary.sums import White, place_in_segments, weigh_markers
 from scaling_service.numerics.multibody.laws import Array
 
 KIND = "skin_wobble"
@@ -76,13 +74,15 @@ def tune_swing(base: Base, whites: Sequence[tuple[White, Array]], candidate: Can
     return replace(candidate, note=describe_oscillation(*anew), change=Swinging(change.markers, *anew))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Skin:
     """Some markers of a recording that may swing."""
 
     white: White
     left: Array  # (n, 3 m): residuals less everything ordinary that lasts
-    pulled: Pulled
+    markers: tuple[str, ...]
+    pull: Array  # (n_frames, m, 3), m/s2, ground: minus the acceleration of their places
+    axes: Array  # (n, m, 3, 3): of their segments, as rows
     spots: NDArray[np.intp]  # (m, 3): along the axes of their segments
 
     @classmethod
@@ -90,16 +90,28 @@ class _Skin:
         numbers = {spot: k for k, spot in enumerate(base.spots)}
         known = [m for m in markers if m in white.look.item.markers and MarkerSpot(m, 0) in numbers]
         spots = np.array([[numbers[MarkerSpot(m, axis)] for axis in range(3)] for m in known], dtype=np.intp)
-        return cls(white, left, Pulled.of(white.look.item, known), spots.reshape(-1, 3))
+        item, rows = white.look.item, white.look.rows
+        at = [item.markers.index(m) for m in known]
+        pull, axes = compute_pull(item.places[:, at], item.step), place_in_segments(item, rows)[:, at]
+        return cls(
+            white=white,
+            left=left,
+            markers=tuple(known),
+            pull=pull,
+            axes=axes,
+            spots=spots.reshape(-1, 3),
+        )
 
     def move(self, pair: tuple[float, float]) -> dict[str, Array]:
         """What the swing of every marker does to the whitened residuals, (n, 3 m)."""
         if not len(self.spots):
             return {}
-        moved = self.pulled.swing(*pair)[self.white.look.rows]
+        look = self.white.look
+        swing, _ = simulate_oscillator(self.pull, look.item.step, *pair)
+        moved = np.matmul(self.axes, swing[look.rows][..., None])
         return {
-            marker: np.einsum("na,nac->nc", moved[:, k], self.white.columns[:, self.spots[k]])
-            for k, marker in enumerate(self.pulled.markers)
+            marker: np.einsum("na,nac->nc", moved[:, k, :, 0], self.white.columns[:, self.spots[k]])
+            for k, marker in enumerate(self.markers)
         }
 
 
@@ -114,9 +126,7 @@ def _weigh(looks: Sequence[_Skin], groups: Sequence[Sequence[str]], pair: tuple[
 
 
 def _tune(
-    looks: Sequence[_Skin],
-    group: tuple[str, ...],
-    pair: tuple[float, float],
+    looks: Sequence[_Skin], group: tuple[str, ...], pair: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
     """The likeliest frequency and damping of a group, and its log Bayes factor there."""
 
@@ -133,17 +143,10 @@ def _tune(
     return -float(found.fun), turn_back(found.x)
 
 
-def _describe_swing(effect: Estimate, _after: Fit) -> Mapping[str, float]:
-    """At which frequency and damping it swings."""
-    change = effect.candidate.change
-    assert isinstance(change, Swinging)
-    return dict(zip(SHAPES, (change.frequency_hz, change.damping), strict=True))
-
-
 EFFECTS = (
     Effect(
         kind=KIND,
         meaning="the skin under the marker oscillates when the segment accelerates",
-        details=_describe_swing,
+        details=describe_shape,
     ),
 )

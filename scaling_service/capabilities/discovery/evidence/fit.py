@@ -9,13 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.laws.apply import (
-    correct_forces,
-    correct_trial,
-    tilt_gravity,
-    with_effects,
-    with_inertial_changes,
-)
+from scaling_service.capabilities.discovery.laws import apply
 from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, list_loads
 from scaling_service.capabilities.discovery.laws.contacts import compute_wrench
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
@@ -71,6 +65,11 @@ class Fit:
         """How strict the search is."""
         return self.context.settings
 
+    @property
+    def by_key(self) -> dict[str, Estimate]:
+        """Effects by their candidates' keys."""
+        return {e.candidate.key: e for e in self.effects}
+
     def without(self, keys: Collection[str]) -> Fit:
         """The same tracking, no longer with effects of some keys; not estimated anew."""
         return replace(self, effects=tuple(e for e in self.effects if e.candidate.key not in keys))
@@ -105,20 +104,16 @@ class Fit:
         )
 
 
-def fit_recordings(
-    context: SearchContext,
-    effects: Sequence[Estimate] = (),
-    near: Fit | None = None,
-) -> Fit:
+def fit_recordings(context: SearchContext, effects: Sequence[Estimate] = (), near: Fit | None = None) -> Fit:
     """Track the recordings with effects of known size added to the model, from where another fit is."""
     starts = {item.name: item for item in near.tracked} if near else {}
     astray = near.astray if near else {}
 
     def track_again(recording: SearchTrial) -> MotionFit:
-        trial, start = correct_trial(recording.trial, effects), starts.get(recording.trial.name)
+        trial, start = apply.correct_trial(recording.trial, effects), starts.get(recording.trial.name)
         if start is not None:
             trial = still_skin(trial, start, effects)
-        known = with_effects(context.model, effects, trial.name)
+        known = apply.with_effects(context.model, effects, trial.name)
         return MotionFit.of(known, trial, recording.role, start, astray)
 
     found = tuple(map_parallel(track_again, context.recordings))
@@ -149,9 +144,9 @@ def _fit_wrench(item: MotionFit, fit: Fit, contacts: ContactAssignment) -> Wrenc
     here = [s for s in fit.effects if s.candidate.holds_in(item.name)]
     made = WrenchFit(
         tracked=item,
-        model=with_inertial_changes(with_effects(fit.model, here, item.name), here, item.name),
-        contacts=replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
-        gravity=tilt_gravity(here),
+        model=apply.with_inertial_changes(apply.with_effects(fit.model, here, item.name), here, item.name),
+        contacts=replace(contacts, ground=apply.correct_forces(contacts.ground, item.trial.times, here)),
+        gravity=apply.tilt_gravity(here),
         oscillating=tuple(list_loads(here, Wobbling)),
     )
     for effect in fit.effects:

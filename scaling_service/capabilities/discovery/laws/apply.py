@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.discovery.laws import candidates, loads, spots
-from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
+from scaling_service.capabilities.discovery.laws.profiles import make_law
 from scaling_service.capabilities.discovery.observations.wrench import find_middle_of_pressure
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
@@ -45,13 +45,10 @@ def name_freedom(candidate: candidates.Candidate) -> str:
 
 def _with_column(model: body.BodyModel, column: candidates.Column, size: float) -> body.BodyModel:
     for part in column.parts:
-        spot, profile = part.spot, part.profile
-        if isinstance(spot, spots.SizeSpot):
-            model = spot.resize(model, part.gain * size)
-        elif isinstance(spot, spots.JointSpot | spots.MarkerSpot) and isinstance(
-            profile, Constant | Following
-        ):
-            model = spot.put(model, body.Law((profile.term(part.gain * size),)))
+        if isinstance(part.spot, spots.SizeSpot):
+            model = part.spot.resize(model, part.gain * size)
+        elif not isinstance(part.spot, spots.VolumeSpot):
+            model = part.spot.put(model, make_law(part.profile, part.gain * size))
     return model
 
 
@@ -64,9 +61,7 @@ def _with_freedom(model: body.BodyModel, free: candidates.FreeMotion, name: str)
 
 def changes_markers(candidate: candidates.Candidate) -> bool:
     """Whether an effect is a fault of the recorded markers."""
-    scaled = any(
-        isinstance(part.spot, spots.VolumeSpot) for column in candidate.columns for part in column.parts
-    )
+    scaled = any(isinstance(part.spot, spots.VolumeSpot) for part in candidate.parts)
     return scaled or isinstance(candidate.change, candidates.Exchange)
 
 

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Literal, TypeVar
 
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Profile
+from scaling_service.capabilities.discovery.laws.profiles import Profile
 from scaling_service.capabilities.discovery.laws.spots import At, Spot
 from scaling_service.capabilities.discovery.observations.wrench import Load
 from scaling_service.core.arrays import Array
@@ -32,7 +32,7 @@ class Part:
     """A spot that moves by ``gain`` times the profile for every unit of its column's coefficient."""
 
     spot: Spot
-    profile: Profile = ALWAYS
+    profile: Profile = None
     gain: float = 1.0
 
 
@@ -123,6 +123,16 @@ class Candidate:
     def holds_in(self, trial: str) -> bool:
         """Whether it is in a trial."""
         return not self.trials or trial in self.trials
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Of all columns."""
+        return tuple(part for column in self.columns for part in column.parts)
+
+    @property
+    def follows(self) -> bool:
+        """Whether any of it follows a coordinate."""
+        return any(part.profile is not None for part in self.parts)
 
     @property
     def seen_in(self) -> Seen:

@@ -11,7 +11,6 @@ that suits it best; what they say is weighed by their likelihood.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,13 +52,16 @@ def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
     rows = np.flatnonzero(inside)
     found = np.zeros((len(item.times), 6))
     if len(rows):
-        spell = Spell(item, rows, np.array(contact.noise))
-        force, moment = solve_force(spell, contact.segment, np.array(contact.point))
-        found[rows] = np.concatenate([force, moment], axis=1)
+        spell, point = Spell(item, rows, np.array(contact.noise)), np.array(contact.point)
+        force, place = -item.residuals[rows, :3], locate(item, contact.segment, point)[rows]
+        left = item.residuals[rows, 3:] + np.cross(place - item.about[rows], force)
+        weight = _compute_weights(spell, contact.segment, point)
+        wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, contact.segment), weight, left)
+        found[rows] = np.concatenate([force, np.cross(place, force) - wandering], axis=1)
     return found
 
 
-def fit_point(spells: Sequence[Spell], segment: str) -> Array:
+def fit_point(spell: Spell, segment: str) -> Array:
     """The point (3,), m, within a segment's reach about which the disagreement has least moment, in its axes.
 
     Noise of the motion acts like forces at the centre of mass, so it would draw the point there; what its
@@ -67,36 +69,32 @@ def fit_point(spells: Sequence[Spell], segment: str) -> Array:
     force that keeps its direction only noise would place the point: it stays in the middle.
     """
     # Corners of the box (in the segment's frame, m) in which something could touch it, each (3,).
-    item = spells[0].wrench
+    item = spell.wrench
     own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
     places = np.array([*own, np.array(item.model.segment(segment).com)])
     low, high = places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
     middle = point = 0.5 * (low + high)
     for _round in range(_ROUNDS):
-        point = _step_point(spells, segment, point, middle, (low, high))
+        point = _step_point(spell, segment, point, middle, (low, high))
     return np.asarray(point)
 
 
 def _step_point(
-    spells: Sequence[Spell], segment: str, point: Array, middle: Array, within: tuple[Array, Array]
+    spell: Spell, segment: str, point: Array, middle: Array, within: tuple[Array, Array]
 ) -> Array:
     """The best point with the weights of another one, (3,), m."""
-    normal, chance, target = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
-    for spell in spells:
-        item, rows = spell.wrench, spell.rows
-        gap, weight = item.residuals[rows], _compute_weights(spell, segment, point)
-        origin, axes = (places[rows] for places in item.segment_frame(segment))
-        across = _move_to_point(origin - item.about[rows])
-        unit = -build_skew(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
-        lever = np.einsum("na,anjk->njk", gap[:, :3], unit)
-        weighted = weight @ lever
-        normal += np.einsum("njk,njl->kl", lever, weighted)
-        target += np.einsum("njk,nji,ni->k", weighted, across, gap)
-        noise = np.diag(np.square(spell.noise))
-        heavy = weight @ unit
-        chance += np.einsum("ab,anjk,bnjl->kl", noise[:3, :3], unit, heavy)
-        target -= np.einsum("anjk,nji,ia->k", heavy, across, noise[:, :3])
-    normal -= chance
+    item, rows = spell.wrench, spell.rows
+    gap, weight = item.residuals[rows], _compute_weights(spell, segment, point)
+    origin, axes = (places[rows] for places in item.segment_frame(segment))
+    across = _move_to_point(origin - item.about[rows])
+    unit = -build_skew(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
+    lever = np.einsum("na,anjk->njk", gap[:, :3], unit)
+    weighted, heavy = weight @ lever, weight @ unit
+    noise = np.diag(np.square(spell.noise))
+    chance = np.einsum("ab,anjk,bnjl->kl", noise[:3, :3], unit, heavy)
+    normal = np.einsum("njk,njl->kl", lever, weighted) - chance
+    target = np.einsum("njk,nji,ni->k", weighted, across, gap)
+    target -= np.einsum("anjk,nji,ia->k", heavy, across, noise[:, :3])
     value, vector = np.linalg.eigh(normal)
     by_chance = np.einsum("ak,ab,bk->k", vector, chance, vector)
     shown = value > by_chance
@@ -106,27 +104,16 @@ def _step_point(
     return middle + minimise_within(steep, vector, slope, low, high)
 
 
-def solve_force(spell: Spell, segment: str, point: Array) -> tuple[Array, Array]:
-    """Force on the body and its moment about the ground origin, (n, 3)."""
-    item, rows = spell.wrench, spell.rows
-    force = -item.residuals[rows, :3]
-    place = _place(item, segment, rows, point)
-    left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
-    weight = _compute_weights(spell, segment, point)
-    wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, segment), weight, left)
-    return force, np.cross(place, force) - wandering
-
-
-def _place(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+def locate(item: WrenchFit, segment: str, point: Array) -> Array:
     """Where a point of a segment is, (n, 3), m."""
     origin, axes = item.segment_frame(segment)
-    return np.asarray(origin[rows] + np.einsum("njk,j->nk", axes[rows], point))
+    return np.asarray(origin + np.einsum("njk,j->nk", axes, point))
 
 
 def _compute_weights(spell: Spell, segment: str, point: Array) -> Array:
     """Inverse covariance of the moment about a point, (n, 3, 3): of noise, and of the point's wandering."""
     item, rows = spell.wrench, spell.rows
-    across = _move_to_point(_place(item, segment, rows, point) - item.about[rows])
+    across = _move_to_point((locate(item, segment, point) - item.about)[rows])
     noise = (across * np.square(spell.noise)) @ across.transpose(0, 2, 1)
     return np.asarray(np.linalg.inv(_compute_wandering(item.residuals[rows, :3], segment) + noise))
 
@@ -151,21 +138,14 @@ def is_throughout(item: WrenchFit, rows: NDArray[np.intp]) -> bool:
     return bool(len(rows) > _THROUGHOUT * item.usable.sum())
 
 
-def find_edges(wrenches: Sequence[WrenchFit], contact: Contact) -> Edges | None:
-    """The edges of a contact that was taken out of recordings; None where it lasts throughout one."""
-    found = []
-    for item in wrenches:
-        inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
-        rows = np.flatnonzero(inside & item.usable)
-        if item.touched is None or len(rows) < _FEWEST or is_throughout(item, rows):
-            return None
-        found.append(
-            fit_edges(
-                Spell(item, rows, np.array(contact.noise)),
-                item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0),
-            )
-        )
-    return join_edges(found) if found else None
+def find_edges(item: WrenchFit, contact: Contact) -> Edges | None:
+    """The edges of a contact that was taken out of a recording; None where it lasts throughout."""
+    inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
+    rows = np.flatnonzero(inside & item.usable)
+    if item.touched is None or len(rows) < _FEWEST or is_throughout(item, rows):
+        return None
+    missing = item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0)
+    return fit_edges(Spell(item, rows, np.array(contact.noise)), missing)
 
 
 def fit_edges(spell: Spell, gap: Array) -> Edges:
@@ -187,15 +167,6 @@ def fit_edges(spell: Spell, gap: Array) -> Edges:
     start, of_start = estimate_onset(item.times[before], course[before], noise, memory)
     end, of_end = estimate_onset(-item.times[after][::-1], course[after][::-1], noise, memory)
     return (start, of_start), (-end, of_end)
-
-
-def join_edges(found: Sequence[Edges]) -> Edges:
-    """One beginning and end for several trials."""
-    values, spreads = np.array(found).transpose(2, 0, 1)
-    apart = values.var(axis=0, ddof=1) / len(values) if len(values) > 1 else np.zeros(2)
-    start, end = values.mean(axis=0).tolist()
-    of_start, of_end = np.sqrt(np.square(spreads).mean(axis=0) / len(values) + apart).tolist()
-    return (start, of_start), (end, of_end)
 
 
 def estimate_onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:

@@ -152,7 +152,7 @@ class Inertial:
 
     def column(self, fit: WrenchFit) -> Array:
         """What the motion needs more, (n, 6)."""
-        return fit.compute_needed_more([self.segment], np.array([self.change]))[:, :, 0]
+        return fit.compute_needed_more(self.segment, self.change)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,43 +182,19 @@ class Wobbling:
 
     def column(self, fit: WrenchFit) -> Array:
         """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
-        return _compute_oscillating(fit, [self.segment], self.shape)[:, :, 0]
-
-    @property
-    def shape(self) -> tuple[float, float, float]:
-        """Whatever but the segment makes it what it is."""
-        return self.frequency_hz, self.damping, self.along
+        (place,), (pull,) = (
+            at([self.segment], self.along).transpose(1, 0, 2) for at in (fit.centres, fit.pulls)
+        )
+        displaced, speed = simulate_oscillator(pull, fit.step, self.frequency_hz, self.damping)
+        w = 2.0 * np.pi * self.frequency_hz
+        force = pull - 2.0 * self.damping * w * speed - w * w * displaced
+        moment = np.cross(place, force) + np.cross(displaced, force - pull - fit.gravity)
+        return np.concatenate([force, moment], axis=1)
 
 
 def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
-    """The columns of many loads, (n, 6, n_loads): what they have in common is made once."""
-    made = np.empty((len(fit.times), 6, len(loads)))
-    changing: dict[int, Inertial] = {}
-    oscillating: dict[tuple[float, float, float], dict[int, str]] = {}
-    for k, load in enumerate(loads):
-        if isinstance(load, Inertial):
-            changing[k] = load
-        elif isinstance(load, Wobbling):
-            oscillating.setdefault(load.shape, {})[k] = load.segment
-        else:
-            made[:, :, k] = load.column(fit)
-    if changing:
-        segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
-        made[:, :, list(changing)] = fit.compute_needed_more(segments, np.array(changes))
-    for shape, here in oscillating.items():
-        made[:, :, list(here)] = _compute_oscillating(fit, list(here.values()), shape)
-    return made
-
-
-def _compute_oscillating(fit: WrenchFit, segments: Sequence[str], shape: tuple[float, float, float]) -> Array:
-    """What a kilogram on a spring needs more, in each of some segments, (n, 6, n_segments)."""
-    frequency_hz, damping, along = shape
-    place, pull = fit.centres(segments, along), fit.pulls(segments, along)
-    displaced, speed = simulate_oscillator(pull, fit.step, frequency_hz, damping)
-    w = 2.0 * np.pi * frequency_hz
-    force = pull - 2.0 * damping * w * speed - w * w * displaced
-    moment = np.cross(place, force) + np.cross(displaced, force - pull - fit.gravity)
-    return np.concatenate([force, moment], axis=2).transpose(0, 2, 1)
+    """The columns of loads, (n, 6, n_loads)."""
+    return np.stack([load.column(fit) for load in loads], axis=2)
 
 
 def scale_segment(segment: Segment) -> Inertial:

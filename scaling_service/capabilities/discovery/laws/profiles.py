@@ -9,20 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import Term
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """The same in all frames."""
-
-    def values(self, item: MotionFit) -> Array:
-        """In every frame, (n,)."""
-        return np.ones(len(item.q))
-
-    def term(self, gain: float) -> Term:
-        """The profile times a gain, as a term of a law."""
-        return Term(gain)
+from scaling_service.model.body import Law, Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +18,17 @@ class Following:
 
     coordinate: str
 
-    def values(self, item: MotionFit) -> Array:
-        """In every frame, (n,)."""
-        return np.asarray(item.q[:, item.task.model.coordinate_names.index(self.coordinate)])
 
-    def term(self, gain: float) -> Term:
-        """The profile times a gain, as a term of a law."""
-        return Term(gain, coordinate=self.coordinate)
+Profile = Following | None
+"""None: the same in all frames."""
 
 
-Profile = Constant | Following
-ALWAYS = Constant()
+def make_law(profile: Profile, gain: float) -> Law:
+    """The profile times a gain."""
+    return Law((Term(gain, coordinate=None if profile is None else profile.coordinate),))
 
 
 def evaluate_profiles(profiles: Sequence[Profile], item: MotionFit) -> Array:
     """Profiles in every frame of a recording, (n_profiles, n_frames)."""
-    return np.array([profile.values(item) for profile in profiles])
+    names, still = item.task.model.coordinate_names, np.ones(len(item.q))
+    return np.array([still if p is None else item.q[:, names.index(p.coordinate)] for p in profiles])

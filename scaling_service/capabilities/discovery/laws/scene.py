@@ -9,7 +9,8 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.laws.spots import find_turning_joints
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
+from scaling_service.model.body import GROUND, BodyModel, Segment
+from scaling_service.model.poses import follow
 
 _SOFT = 0.2
 """Of the way from a joint to the segment's farthest marker: nearer, a marker sits on bone (chosen:
@@ -35,7 +36,11 @@ class Scene:
     def groups_on(self, segment: str) -> tuple[tuple[str, ...], ...]:
         """What may move together there: each marker, those on its soft middle, and all of them."""
         markers = self.on(segment)
-        children = [find_joints_offset(child) for child in self.model.children(segment)]
+        # Where joints lie in their parent's frame, as far as that does not move
+        children = [
+            follow([j for j in child.joints if j.kind == "translation" and j.law.is_constant], {})[1]
+            for child in self.model.children(segment)
+        ]
         ends = np.array([(0.0, 0.0, 0.0), *children])
         far = max((d for m in markers for d in self._from(m, ends)), default=0.0)
         soft = tuple(m for m in markers if min(self._from(m, ends)) > _SOFT * far) if len(ends) > 1 else ()
@@ -90,16 +95,6 @@ class Scene:
         own = self.model.segment(segment)
         near = (() if own.parent == GROUND else (own,)) + tuple(self.model.children(segment))
         return tuple(dict.fromkeys(c for s in near for c in self.coordinates_of(s)))
-
-
-def find_joints_offset(segment: Segment) -> Vector:
-    """Where the joint of a segment lies in its parent's frame, m, as far as that does not move."""
-    place = np.zeros(3)
-    for joint in segment.joints:
-        if joint.kind == "translation" and joint.law.is_constant:
-            place += sum(term.gain for term in joint.law.terms) * np.array(joint.axis)
-    x, y, z = place.tolist()
-    return x, y, z
 
 
 def _list_scopes(trials: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:

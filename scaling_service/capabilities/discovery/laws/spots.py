@@ -86,10 +86,6 @@ class SizeSpot:
 class VolumeSpot:
     """The size of the whole measured volume about the laboratory's origin."""
 
-    def field(self, places: Array) -> Array:
-        """What it does to places (n_markers, 3, n_frames), m, per unit."""
-        return places
-
 
 Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot
 
@@ -155,7 +151,7 @@ class Generators:
     tree: Tree
     p: Array
     variables: NDArray[np.intp]
-    volumes: tuple[tuple[int, VolumeSpot], ...]
+    volumes: tuple[int, ...]  # which spots are of the volume, in which places move by themselves
 
     @classmethod
     def of(cls, item: MotionFit, spots: Sequence[Spot]) -> Generators:
@@ -165,7 +161,7 @@ class Generators:
         number = {p.name: k for k, p in enumerate(opened.parameters)}
         free = np.flatnonzero(item.task.free)
         chosen = [tree.n_coordinates + number[name] for name in names if name]
-        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot))
+        volumes = tuple(k for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot))
         return cls(
             tree,
             list_parameter_values(opened),
@@ -180,10 +176,10 @@ class Generators:
         rates = compute_jacobian(self.tree, poses, placed, self.variables)
         n, count = placed.shape[-1], int(item.task.free.sum())
         if self.volumes:
-            at = [count + k for k, _ in self.volumes]
+            at = [count + k for k in self.volumes]
             of_body = np.delete(np.arange(len(rates) + len(at)), at)
             every = np.empty((len(rates) + len(at), *rates.shape[1:]))
-            every[of_body], every[at] = rates, [spot.field(placed) for _, spot in self.volumes]
+            every[of_body], every[at] = rates, placed
             rates = every
         measured = item.task.measured[rows]
         shown = np.isfinite(measured).reshape(n, -1)

@@ -20,17 +20,11 @@ _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 def compute_pull(places: Array, step: float) -> Array:
     """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2, in six frames or more."""
-    return -differentiate_places(places, step)[1]
-
-
-def differentiate_places(places: Array, step: float) -> tuple[Array, Array]:
-    """Velocity (m/s) and acceleration (m/s2) of points, shaped as ``places``, as :func:`compute_pull`."""
     flat = places.reshape(len(places), -1)
     smooth = filter_butterworth(
         flat, rate_hz=1 / step, cutoff_hz=min(CUTOFF_HZ, 0.4 / step), order=2 * _PASS
     ).values
-    speed, acceleration = differentiate_spline(step * np.arange(len(flat)), smooth)
-    return speed.reshape(places.shape), acceleration.reshape(places.shape)
+    return -differentiate_spline(step * np.arange(len(flat)), smooth)[1].reshape(places.shape)
 
 
 def simulate_oscillator(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:

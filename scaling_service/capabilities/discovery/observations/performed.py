@@ -24,6 +24,8 @@ from scaling_service.numerics.signals.filters import filter_butterworth
 N_FRAMES, RATE_HZ = 200, 50.0
 
 _Course = Callable[[Array], Array]
+_Feet = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Which markers are on the right and on the left foot."""
 
 _ALSO = {
     "knee": ("knee_angle", "knee_flexion"),
@@ -124,15 +126,14 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
     of pressure lies between them. None where the body has no two feet, or the plates no foot.
     """
     item = perform_movement(like.tracked, movement)
-    # Columns of the markers of the right and of the left foot.
-    found = []
-    for side in _SIDES:
-        segments = [like.tracked.task.model.marker(m).segment for m in like.tracked.markers]
-        on = [k for k, name in enumerate(segments) if name.startswith(FEET) and name.endswith(side)]
-        found.append(np.array(on, dtype=np.intp))
-    feet = (found[0], found[1]) if len(found[0]) and len(found[1]) else None
-    if item is None or feet is None:
+    segments = [like.tracked.task.model.marker(m).segment for m in like.tracked.markers]
+    right, left = (
+        np.flatnonzero([name.startswith(FEET) and name.endswith(side) for name in segments])
+        for side in _SIDES
+    )
+    if item is None or not len(right) or not len(left):
         return None
+    feet = right, left
     sides = _assign_sides(like, feet)
     if not sides:
         return None
@@ -155,12 +156,12 @@ def _move_trial(like: MotionFit, q: Array, movement: str) -> MotionFit:
     return replace(like, trial=trial, role="fit", task=replace(like.task, measured=places), q=q)
 
 
-def _locate_feet(item: MotionFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+def _locate_feet(item: MotionFit, feet: _Feet) -> Array:
     """Where the feet are, (n, 2, 3), m; NaN where not seen."""
     return np.stack([item.task.measured[:, on].mean(axis=1) for on in feet], axis=1)
 
 
-def _assign_sides(like: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> dict[str, int]:
+def _assign_sides(like: WrenchFit, feet: _Feet) -> dict[str, int]:
     """Loaded plates, and which foot (0: right, 1: left) was on each for most of the time."""
     ground = like.contacts.ground
     apart = ground.centre_of_pressure()[:, :, None] - _locate_feet(like.tracked, feet)[:, None]
@@ -173,7 +174,7 @@ def _assign_sides(like: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp
     return found
 
 
-def _keep_on_floor(item: MotionFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+def _keep_on_floor(item: MotionFit, feet: _Feet) -> Array:
     """The coordinates with the lower foot kept on the floor; as they are where the root does not travel."""
     task, q = item.task, item.q.copy()
     height = _locate_feet(item, feet)[:, :, 1].min(axis=1)
@@ -189,9 +190,7 @@ def _keep_on_floor(item: MotionFit, feet: tuple[NDArray[np.intp], NDArray[np.int
     return q
 
 
-def _share_wrench(
-    made: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]], sides: dict[str, int]
-) -> GroundForces:
+def _share_wrench(made: WrenchFit, feet: _Feet, sides: dict[str, int]) -> GroundForces:
     """What the movement needs, given by the plates under both feet, which read all the time."""
     need = made.needed
     force, moment = need[:, :3], need[:, 3:]

@@ -21,11 +21,7 @@ from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Mechanism
-from scaling_service.numerics.multibody.tree import (
-    Poses,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody.tree import Poses, place_tree_markers, pose_links
 from scaling_service.numerics.wrench import compute_regressor_blocks
 
 Role = Literal["fit", "held_out"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
-from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit, Role
+from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
@@ -82,11 +82,6 @@ class WrenchFit:
     def name(self) -> str:
         """The trial's."""
         return self.tracked.name
-
-    @property
-    def role(self) -> Role:
-        """The trial's."""
-        return self.tracked.role
 
     @property
     def cutoff_hz(self) -> float:
@@ -164,11 +159,10 @@ class WrenchFit:
         moment = ground_wrench[:, 3:] - np.cross(self.about, ground_wrench[:, :3])
         return np.concatenate([ground_wrench[:, :3], moment], axis=1)
 
-    def compute_needed_more(self, segments: Sequence[str], changes: Array) -> Array:
-        """Wrench about the ground origin that changes (k, 10) of segments' numbers need, (n, 6, k)."""
-        own = np.zeros((len(self.model.segments), N_PARAMETERS, len(segments)))
-        own[self._numbers(segments), :, np.arange(len(segments))] = changes
-        return np.asarray(self.inertial_loads.per_number @ own.reshape(-1, len(segments)))
+    def compute_needed_more(self, segment: str, change: Sequence[float]) -> Array:
+        """Wrench about the ground origin that a change (10,) of a segment's numbers needs, (n, 6)."""
+        at = N_PARAMETERS * self.model.segment_names.index(segment)
+        return np.asarray(self.inertial_loads.per_number[:, :, at : at + N_PARAMETERS] @ change)
 
     def _numbers(self, segments: Sequence[str]) -> list[int]:
         return [self.model.segment_names.index(segment) for segment in segments]

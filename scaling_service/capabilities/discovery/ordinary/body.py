@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,9 +157,12 @@ def _expect_joint(
     """Its centre and axes, and how it glides and turns along with its own coordinates."""
     name, bone, people = segment.name, scene.model.bone_of(segment.name), read_people()
     part = find_part(bone)
-    start = [base.number(JointSpot(name, "start", "translation", k)) for k in range(3)]
-    before = [base.number(JointSpot(name, "before", "rotation", k)) for k in range(3)]
-    after = [base.number(JointSpot(name, "after", "rotation", k)) for k in range(3)]
+    shift, turn = (
+        partial(JointSpot, name, "start", "translation"),
+        partial(JointSpot, name, "before", "rotation"),
+    )
+    start, before = base.number_axes(shift), base.number_axes(turn)
+    after = base.number_axes(partial(JointSpot, name, "after", "rotation"))
     centre = people.hip_sd if bone.lower().startswith(_THIGH) else (share * _CENTRE_M,) * 3
     common.add(start, np.diag(np.square(centre)), f"joint {part}")
     for pair in zip(before, after, strict=True):
@@ -168,12 +172,8 @@ def _expect_joint(
     glide = _SHOULDER_GLIDE_M if bone.lower().startswith(_SHOULDER) else _GLIDE_M
     for driver, far in reach.items():
         one = 1.0 / (far * math.sqrt(len(reach)))
-        shifts = [
-            base.number(JointSpot(name, "start", "translation", k), Following(driver)) for k in range(3)
-        ]
-        turns = [base.number(JointSpot(name, "before", "rotation", k), Following(driver)) for k in range(3)]
-        for moving, still, size in ((shifts, start, glide), (turns, before, _TURN)):
-            covariance = (size * one) ** 2 * np.eye(3)
+        for spots, still, size in ((shift, start, glide), (turn, before, _TURN)):
+            moving, covariance = base.number_axes(spots, Following(driver)), (size * one) ** 2 * np.eye(3)
             common.add_centred(
                 (moving, still), means[driver], covariance, f"glide {part}", segment.joint_name
             )

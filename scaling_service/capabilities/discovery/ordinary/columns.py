@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Profile
+from scaling_service.capabilities.discovery.laws.profiles import Profile
 from scaling_service.capabilities.discovery.laws.spots import Spot
 from scaling_service.core.arrays import Array
 
 _NEGLIGIBLE = 1e-12  # share of a covariance's largest direction
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Combination:
-    """A sparse map from a candidate's numbers to coefficients of columns."""
-
-    rows: NDArray[np.intp]
-    numbers: NDArray[np.intp]
-    weights: Array
-    count: int
-
-    def expand(self, size: int) -> Array:
-        """Of so many columns, (size, count)."""
-        found = np.zeros((size, self.count))
-        np.add.at(found, (self.rows, self.numbers), self.weights)
-        return found
 
 
 class Base:
@@ -41,19 +25,26 @@ class Base:
     def __len__(self) -> int:
         return len(self.columns)
 
-    def number(self, spot: Spot, profile: Profile = ALWAYS) -> int:
+    def number(self, spot: Spot, profile: Profile = None) -> int:
         """Of a column, which is added where it is not there."""
         return self.columns.setdefault((spot, profile), len(self.columns))
 
-    def combine(self, candidate: Candidate) -> Combination:
-        """A candidate's numbers as coefficients of columns."""
-        parts = [(k, part) for k, column in enumerate(candidate.columns) for part in column.parts]
-        return Combination(
-            rows=np.array([self.number(part.spot, part.profile) for _, part in parts], dtype=np.intp),
-            numbers=np.array([k for k, _ in parts], dtype=np.intp),
-            weights=np.array([part.gain for _, part in parts]),
-            count=len(candidate.columns),
-        )
+    def number_axes(self, make: Callable[[int], Spot], profile: Profile = None) -> list[int]:
+        """Of the columns of a spot along or about each axis."""
+        return [self.number(make(axis), profile) for axis in range(3)]
+
+    def include(self, candidate: Candidate) -> None:
+        """Add what a candidate's numbers are coefficients of."""
+        for part in candidate.parts:
+            self.number(part.spot, part.profile)
+
+    def expand(self, candidate: Candidate) -> Array:
+        """A candidate's numbers as coefficients of all columns, (n_columns, k); they are among these."""
+        found = np.zeros((len(self), len(candidate.columns)))
+        for k, column in enumerate(candidate.columns):
+            for part in column.parts:
+                found[self.columns[part.spot, part.profile], k] += part.gain
+        return found
 
     @property
     def spots(self) -> tuple[Spot, ...]:
@@ -97,12 +88,7 @@ class Spread:
         self._keep(tuple(rows), factorise(covariance), level, place)
 
     def add_centred(
-        self,
-        rows: tuple[list[int], list[int]],
-        mean: float,
-        covariance: Array,
-        level: str,
-        place: str = "",
+        self, rows: tuple[list[int], list[int]], mean: float, covariance: Array, level: str, place: str = ""
     ) -> None:
         """Slopes along a coordinate less its mean; ``rows``: of what follows it, and of the constants."""
         following, constant = rows

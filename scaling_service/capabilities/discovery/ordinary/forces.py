@@ -16,27 +16,12 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws import loads
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.loads import (
-    Inertial,
-    Late,
-    PlateBias,
-    PlateGain,
-    PlateShift,
-    PlateTurn,
-    Tilt,
-    compute_columns,
-    differentiate_centre,
-    scale_segment,
-)
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
-from scaling_service.capabilities.discovery.ordinary.levels import (
-    FACTORS,
-    learn_level,
-    weigh_level,
-)
+from scaling_service.capabilities.discovery.ordinary.levels import FACTORS, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.soles import Soles, tabulate_steps
 from scaling_service.core.arrays import Array
@@ -80,12 +65,8 @@ how well motion and forces agree in movement (chosen: standing sways by 0.01 to 
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
 
-@dataclass(frozen=True, slots=True)
-class _Key:
-    """A load in some trials, in all of them unless given."""
-
-    load: Load
-    trials: tuple[str, ...] = ()
+_Key = tuple[Load, tuple[str, ...]]
+"""A load in some trials, in all of them where none is named."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -155,24 +136,25 @@ class WrenchTable:
         """(n_recordings, n_kinds): those that share a level, at rest and in movement."""
         self.spread = np.where(kinds, _AT_REST, _SPREAD)[:, None]
         """(n_kinds, 1): of these levels."""
-        self.soles = tabulate_steps(fit.wrenches, [(key.load, key.trials) for key in self._keys])
+        self.soles = tabulate_steps(fit.wrenches, list(self._keys))
         self._append_weights(masses)
 
     def _number(self, load: Load, trials: tuple[str, ...] = ()) -> int:
-        return self._keys.setdefault(_Key(load, trials), len(self._keys))
+        return self._keys.setdefault((load, trials), len(self._keys))
 
     def _expect_plates(self) -> list[tuple[list[int], Array]]:
         found: list[tuple[list[int], Array]] = []
         trials = [item.name for item in self.fit.wrenches]
         for plate in self.fit.scene.plates:
-            found.append(([self._number(PlateShift(plate, k)) for k in range(3)], _SHIFT_M**2 * np.eye(3)))
-            found.append(([self._number(PlateGain(plate))], np.array([[_GAIN**2]])))
-            found.append(([self._number(PlateTurn(plate, k)) for k in range(3)], _TURN**2 * np.eye(3)))
+            shifts = [self._number(loads.PlateShift(plate, k)) for k in range(3)]
+            found.append((shifts, _SHIFT_M**2 * np.eye(3)))
+            found.append(([self._number(loads.PlateGain(plate))], np.array([[_GAIN**2]])))
+            found.append(([self._number(loads.PlateTurn(plate, k)) for k in range(3)], _TURN**2 * np.eye(3)))
             for trial in trials:
-                rows = [self._number(PlateBias(plate, k), (trial,)) for k in range(6)]
+                rows = [self._number(loads.PlateBias(plate, k), (trial,)) for k in range(6)]
                 found.append((rows, np.diag(np.square(_BIAS))))
-        found += [([self._number(Late(), (trial,))], np.array([[_LATE_S**2]])) for trial in trials]
-        found.append(([self._number(Tilt(k)) for k in (0, 2)], _VERTICAL**2 * np.eye(2)))
+        found += [([self._number(loads.Late(), (trial,))], np.array([[_LATE_S**2]])) for trial in trials]
+        found.append(([self._number(loads.Tilt(k)) for k in (0, 2)], _VERTICAL**2 * np.eye(2)))
         return found
 
     def _expect_masses(self) -> list[tuple[list[int], Array]]:
@@ -182,10 +164,10 @@ class WrenchTable:
         about_total = np.eye(len(masses)) - np.outer(share, np.ones(len(masses)))
         apart = about_total @ np.diag(np.square(_SEGMENT * masses)) @ about_total.T
         together = (_MASS * masses.sum()) ** 2 * np.outer(share, share)
-        found = [([self._number(scale_segment(s)) for s in heavy], apart + together)]
+        found = [([self._number(loads.scale_segment(s)) for s in heavy], apart + together)]
         for s in heavy:
             size = _CENTRES_M[find_part(self.fit.model.bone_of(s.name))] * np.array([1.0, 1.0, _SIDEWAYS])
-            rows = [self._number(Inertial(s.name, differentiate_centre(s, k))) for k in range(3)]
+            rows = [self._number(loads.Inertial(s.name, loads.differentiate_centre(s, k))) for k in range(3)]
             found.append((rows, np.diag(np.square(size))))
         return found
 
@@ -193,7 +175,7 @@ class WrenchTable:
         """All segments in proportion, (n_columns,), per share of the body's mass."""
         found = defaultdict[int, float](float)
         for s in self.fit.scene.heavy:
-            found[self._number(scale_segment(s))] += s.mass
+            found[self._number(loads.scale_segment(s))] += s.mass
         return np.array([found[k] for k in range(len(self._keys))])
 
     def _append_weights(self, masses: Array) -> None:
@@ -212,15 +194,13 @@ class WrenchTable:
         """Residuals (n, 6), columns (n, 6, n_columns), deviations, weights (n, 6), frames (n,) of one."""
         thin = max(1, int(item.tracked.trial.rate_hz / (_RATE * item.cutoff_hz)))
         used = np.flatnonzero(item.usable)[::thin]
-        here = {key.load: None for key in self._keys if not key.trials or item.name in key.trials}
-        place = {load: k for k, load in enumerate(here)}
-        made = item.filter(compute_columns(list(here), item))[used]
+        here = {key: k for k, key in enumerate(self._keys) if not key[1] or item.name in key[1]}
+        every = list(dict.fromkeys(load for load, _ in here))
+        made = item.filter(loads.compute_columns(every, item))[used]
         about = item.about[used, None]
         made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
         columns = np.zeros((len(used), 6, len(self._keys)))
-        for key, k in self._keys.items():
-            if not key.trials or item.name in key.trials:
-                columns[:, :, k] = made[:, :, place[key.load]]
+        columns[:, :, list(here.values())] = made[:, :, [every.index(load) for load, _ in here]]
         measured = item.move_moment(item.filter(item.measured))[used]
         moved = measured.std(axis=0) if len(used) else np.zeros(6)
         sd = np.hypot(NOISE * item.mass / _OF_KG, OF_MOVEMENT * moved)
@@ -260,16 +240,7 @@ class WrenchTable:
         levels = dict.fromkeys(self.owners, 1.0)
         scale = np.ones(columns.shape[2])
         owned = {owner: at + steady.shape[2] for owner, at in self.owners.items()}
-        k = len(sd)
-        best = ForceEvidence(
-            value=-math.inf,
-            size=np.zeros(k),
-            covariance=np.zeros((k, k)),
-            levels=self.shared @ noise,
-            left=self.shared @ noise,
-            directions=directions,
-            masses=1.0,
-        )
+        best: ForceEvidence | None = None
         for _ in range(_PASSES):
             for owner, at in owned.items():
                 scale[at] = levels[owner]
@@ -292,8 +263,8 @@ class WrenchTable:
             )
             value -= 0.5 * float(np.square(np.log(noise) / self.spread).sum())
             value += sum(map(weigh_level, levels.values()))
-            if value > best.value:
-                last = slice(flat.shape[1] - k, None)
+            if best is None or value > best.value:
+                last = slice(flat.shape[1] - len(sd), None)
                 rms = np.sqrt(self.average(np.square(left / (by_noise * np.sqrt(self.weight)))))
                 size, covariance = sd * strength[last], np.outer(sd, sd) * inverse[last, last]
                 best = ForceEvidence(
@@ -313,6 +284,7 @@ class WrenchTable:
                 square = float(np.square(strength[at]).sum())
                 anew = float(learn_level(levels[owner], square, known, 1.0))
                 levels[owner] = math.sqrt(levels[owner] * anew)
+        assert best is not None
         return best
 
     def _find_rows(self, touch: Touch) -> tuple[NDArray[np.intp], Array]:

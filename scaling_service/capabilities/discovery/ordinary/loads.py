@@ -40,13 +40,17 @@ class Loads:
     named: Sequence[tuple[Estimate, Array]]  # estimated together, with the covariance of their sizes
     keys: Sequence[str]  # of candidates, as the table numbers them
 
+    def number(self, candidate: Candidate) -> Sequence[int]:
+        """The table's columns of a candidate."""
+        return self.table.numbers[self.keys.index(candidate.key)]
+
     def score_drift(self, effect: Estimate, sd: Array) -> float:
         """Log Bayes factor of a named effect's changing in the course of recordings, beside itself.
 
         ``sd``: of what it changes by. Against a change by a share of itself, by which persons and models
         disagree with any size.
         """
-        numbers = self.table.numbers[self.keys.index(effect.candidate.key)]
+        numbers = self.number(effect.candidate)
         explained = self.table.scale(self.none.levels) * self.table.explain(numbers, effect.size)
         courses = self.table.list_courses(explained)
         large, everyday = (
@@ -98,8 +102,7 @@ def score_loads(
     whole = table.weigh_body(each=each)
     known = np.concatenate([columns * sd, whole * mass_sd], axis=1) if weighed else columns * sd
     nothing = np.zeros((len(columns), 0))
-    together = table.weigh(whole * mass_sd if weighed else nothing, columns, sd, touching)
-    none = table.weigh(known, nothing, np.zeros(0), touching)
+    none = table.weigh(whole * mass_sd if weighed else nothing, columns, sd, touching)
     places, sds = table.numbers[: len(choice)], [sd for _, sd in choice]
     scored = table.score_roughly(none, places, sds)
     for k in sorted(range(len(scored)), key=lambda k: -scored[k].bayes)[:_AGAIN]:
@@ -119,11 +122,11 @@ def score_loads(
         )
         for t in tried
     ]
-    estimated, at = [], 0
-    for effect, own_sd in named:
-        rows = slice(at, at + len(own_sd))
-        at += len(own_sd)
-        estimated.append((Estimate(effect.candidate, together.size[rows]), together.covariance[rows, rows]))
+    ends = np.cumsum([0, *map(len, own)]).tolist()
+    estimated = [
+        (Estimate(effect.candidate, none.size[a:b]), none.covariance[a:b, a:b])
+        for (effect, _), a, b in zip(named, ends[:-1], ends[1:], strict=True)
+    ]
     return Loads(
         table=table, none=none, scored=scored, mass=of_mass, touched=of_touch, named=estimated, keys=keys
     )

@@ -15,12 +15,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.ordinary.columns import Combination
-from scaling_service.capabilities.discovery.ordinary.levels import (
-    find_most,
-    learn_level,
-    weigh_level,
-)
+from scaling_service.capabilities.discovery.ordinary.levels import find_most, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.sums import Sums
 from scaling_service.core.arrays import Array
 
@@ -163,13 +158,11 @@ class Table:
         return L.T @ g - along.T @ self.strengths, L.T @ shown - taken.T @ taken
 
     def score_each(
-        self, combinations: Sequence[Combination], sds: Sequence[Array], trials: Sequence[str] = ()
+        self, choice: Sequence[Array], sds: Sequence[Array], trials: Sequence[str] = ()
     ) -> list[Scored]:
-        """Candidates that hold in the same trials, each by itself."""
-        size = self.common.shape[0]
-        L = np.concatenate([c.expand(size) for c in combinations], axis=1)
-        x, X = self.project(L, trials)
-        edges = np.cumsum([0, *(c.count for c in combinations)]).tolist()
+        """Candidates (coefficients (n, k) of each) that hold in the same trials, each by itself."""
+        x, X = self.project(np.concatenate(choice, axis=1), trials)
+        edges = np.cumsum([0, *map(len, sds)]).tolist()
         return [
             Scored.of(x[a:b], X[a:b, a:b], sd) for a, b, sd in zip(edges[:-1], edges[1:], sds, strict=True)
         ]
@@ -180,33 +173,29 @@ class Table:
         All levels are learnt anew beside it, as beside a candidate; what the prior says of a place that
         differs from the others of its level is taken off. ``L`` (n, k): its directions at level one.
         """
-        G, g = self._total
-        shown = G @ L
-        evidence = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, np.ones(L.shape[1]), level)[0]
-        return max(evidence - self._learnt, 0.0)
+        return max(self._learn(L, np.ones(L.shape[1]), place=level)[0] - self._learnt, 0.0)
 
-    def score_learning(self, combination: Combination, sd: Array, trials: Sequence[str] = ()) -> Scored:
-        """A candidate, with levels learnt anew beside it: nothing hides in what it makes of them."""
-        L = combination.expand(self.common.shape[0])
-        G, g = self.add_up(trials)
-        shown = G @ L
-        evidence, size, covariance = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, sd)
+    def score_learning(self, L: Array, sd: Array, trials: Sequence[str] = ()) -> Scored:
+        """A candidate L (n, k), with levels learnt anew beside it: nothing hides in what it makes of them."""
+        evidence, size, covariance = self._learn(L, sd, trials)
         X = self.project(L, trials)[1]
         bayes = evidence - self._learnt
         return Scored(bayes=bayes, size=size, covariance=covariance, sd=sd, information=X)
 
     @cached_property
     def _learnt(self) -> float:
-        none = np.zeros(0)
-        return self._learn(np.zeros((0, 0)), np.zeros((self.common.shape[1], 0)), none, none)[0]
+        return self._learn(np.zeros((len(self.common), 0)), np.zeros(0))[0]
 
-    def _learn(self, X: Array, C: Array, x: Array, sd: Array, place: str = "") -> tuple[float, Array, Array]:
+    def _learn(
+        self, L: Array, sd: Array, trials: Sequence[str] = (), place: str = ""
+    ) -> tuple[float, Array, Array]:
         """Log evidence at the likeliest levels, with further numbers; their size and covariance.
 
-        ``C`` (m, k): products of what is common with them. ``place``: the level that they follow, if they do;
-        they have one of their own then, about that.
+        ``place``: the level that they follow, if they do; they have one of their own then, about that.
         """
-        n = self.common.shape[1]
+        G, g = self.add_up(trials)
+        shown, n = G @ L, self.common.shape[1]
+        X, C, x = L.T @ shown, self.common.T @ shown, L.T @ g
         full = np.block([[self._common_products, C * sd], [(C * sd).T, X * np.outer(sd, sd)]])
         right = np.concatenate([self.common.T @ self._total[1], sd * x])
         owners = np.array(self.owners)

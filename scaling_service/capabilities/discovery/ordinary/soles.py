@@ -40,16 +40,16 @@ class Soles:
 def tabulate_steps(fits: Sequence[WrenchFit], loads: Sequence[tuple[Load, tuple[str, ...]]]) -> Soles:
     """The steps of all recordings against loads, each in the recordings named, in all if none is."""
     steps = [(fit, step) for fit in fits for step in fit.contacts.steps]
-    gap, columns = np.zeros(2 * len(steps)), np.zeros((2 * len(steps), len(loads)))
-    for k, (fit, step) in enumerate(steps):
-        rows = slice(2 * k, 2 * k + 2)
-        here = [n for n, (_, trials) in enumerate(loads) if not trials or fit.name in trials]
-        gap[rows], columns[rows, here] = _measure(fit, step, [loads[n][0] for n in here])
-    white = np.linalg.inv(np.linalg.cholesky(_expect(steps))) if steps else np.zeros((0, 0))
-    return Soles(white @ gap, white @ columns)
+    if not steps:
+        return Soles(np.zeros(0), np.zeros((0, len(loads))))
+    gap, columns = zip(*(_measure(fit, step, loads) for fit, step in steps), strict=True)
+    white = np.linalg.inv(np.linalg.cholesky(_expect(steps)))
+    return Soles(white @ np.concatenate(gap), white @ np.concatenate(columns))
 
 
-def _measure(fit: WrenchFit, step: Step, loads: Sequence[Load]) -> tuple[Array, Array]:
+def _measure(
+    fit: WrenchFit, step: Step, loads: Sequence[tuple[Load, tuple[str, ...]]]
+) -> tuple[Array, Array]:
     """How far forward and outward pressure lies of the foot, (2,), m, and what loads do to it, (2, n)."""
     rows = step.frames
     wrench = fit.plate(step.plate)[rows]
@@ -69,8 +69,9 @@ def _measure(fit: WrenchFit, step: Step, loads: Sequence[Load]) -> tuple[Array, 
     ahead = (middle - start) / np.linalg.norm(middle - start)
     axes = np.array([ahead, step.outward * np.array([-ahead[1], ahead[0]])])
     moved = np.zeros((2, len(loads)))
-    for n, load in enumerate(loads):
-        if isinstance(load, PlateFault) and load.plate == step.plate:
+    for n, (load, trials) in enumerate(loads):
+        here = not trials or fit.name in trials
+        if here and isinstance(load, PlateFault) and load.plate == step.plate:
             change = load.column(fit)[rows]
             moved[:, n] = locate(change) - pressure * change[:, 1].sum() / wrench[:, 1].sum()
     return axes @ (pressure - middle), axes @ moved

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.laws.profiles import evaluate_profiles
 from scaling_service.capabilities.discovery.laws.spots import Generators
-from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, span
 from scaling_service.capabilities.discovery.ordinary.body import Cluster
 from scaling_service.capabilities.discovery.ordinary.columns import Base
 from scaling_service.capabilities.discovery.ordinary.levels import weigh_marker
@@ -30,7 +30,6 @@ class Sums:
     """Of one recording."""
 
     trial: str
-    role: Role
     products: Array  # (n, n): columns times columns
     scores: Array  # (n,): columns times residuals
     square: float  # of the residuals
@@ -161,7 +160,6 @@ class White:
                 found[np.ix_(to, at)] = block.T
         return Sums(
             trial=self.look.item.name,
-            role=self.look.item.role,
             products=found,
             scores=weight * np.einsum("nb,bn->b", scores[:, of_spot], values[of_profile]),
             square=weight * float(np.square(self.gap).sum()),

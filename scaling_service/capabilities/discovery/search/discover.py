@@ -8,13 +8,9 @@ or whose forces or markers as a whole, are worse with it on what did not fit it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from scaling_service.capabilities.discovery.effects.catalogue import (
-    describe_details,
-    estimate_spreads,
-    find_effects,
-)
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
     SearchContext,
@@ -24,26 +20,15 @@ from scaling_service.capabilities.discovery.evidence.fit import (
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.search.findings import (
-    Findings,
-    NamedEffect,
-    Verdict,
-)
+from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect, Verdict
 from scaling_service.capabilities.discovery.search.gaps import (
-    Yardstick,
-    expect_forces,
-    expect_markers,
     list_disagreements,
+    make_yardstick,
     measure_gap,
 )
 from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
-from scaling_service.capabilities.discovery.search.naming import (
-    SHOWN,
-    Named,
-    Origin,
-    is_of_markers,
-)
+from scaling_service.capabilities.discovery.search.naming import SHOWN, Origin, is_of_markers
 from scaling_service.capabilities.discovery.search.searching import FORCES, LABELS, Search
 from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.capabilities.discovery.search.unexplained import list_unexplained
@@ -113,7 +98,7 @@ def _summarise(
 ) -> Findings:
     """Where, what, how far the gap closed, and what is left."""
     after, settings = search.fit, search.settings
-    yardstick = Yardstick(expect_markers(body), {} if forces is None else expect_forces(after, *forces))
+    yardstick = make_yardstick(body, after, forces)
     folds = not any(item.role == "held_out" for item in before.tracked)
     gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
     named = tuple(sorted((_finish(one, search) for one in search.named), key=_rank))
@@ -121,7 +106,7 @@ def _summarise(
     verdict: Verdict = "found" if named else "unexplained" if unexplained else "nothing"
     spent = sum(is_of_markers(n.candidate) for n in named) >= settings.most
     taken = {n.key for n in named}
-    tried = sorted((r for r in search.tried.values() if r.candidate.key not in taken), key=lambda r: -r.odds)
+    tried = sorted((o for o in search.tried.items() if o[0] not in taken), key=lambda o: -o[1][0])
     said = ["no trial was held out: what is named was not tried on others"] if folds else []
     return Findings(
         verdict=verdict,
@@ -129,8 +114,7 @@ def _summarise(
         named=named,
         fit=gaps[ROLES[0]],
         held_out=gaps[ROLES[0] if folds else ROLES[1]],
-        folds=folds,
-        tried=tuple(tried[:SHOWN]),
+        tried=tuple(document for _, (_, document) in tried[:SHOWN]),
         unexplained=unexplained,
         reason=_SPENT.format(settings.most) if spent else _NOTHING_MORE,
         notes=(*notes, *said),
@@ -142,19 +126,14 @@ def _rank(named: NamedEffect) -> tuple[bool, float]:
     return not find_effects()[named.candidate.kind].of_recording, -named.gain
 
 
-def _finish(one: Named, search: Search) -> NamedEffect:
+def _finish(one: NamedEffect, search: Search) -> NamedEffect:
     """With its size and numbers as they are in the end."""
-    key = one.ranked.candidate.key
-    effect = next(e for e in search.fit.effects if e.candidate.key == key)
-    return NamedEffect(
+    effect, kind = search.fit.by_key[one.key], find_effects()[one.candidate.kind]
+    return replace(
+        one,
         effect=effect,
-        covariance=search.covariances[key],
-        odds=one.ranked.odds,
-        gain=one.gain,
-        by_blocks=one.by_blocks,
-        smallest=one.smallest,
-        equivalents=one.equivalents,
+        covariance=search.covariances[one.key],
         would_separate=find_separating_movement(effect, tuple(one.equivalents), search.fit),
-        details=describe_details(effect, search.fit),
-        spreads=estimate_spreads(effect, search.fit),
+        details=kind.details(effect, search.fit),
+        spreads=kind.spreads(effect, search.fit),
     )

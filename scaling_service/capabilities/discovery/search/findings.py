@@ -5,21 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
-from scaling_service.capabilities.discovery.document import (
-    DisagreementDocument,
-    GapDocument,
-    UnexplainedDocument,
-    Unit,
-)
+from scaling_service.capabilities.discovery import document
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.core.arrays import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
-UNITS: Mapping[Observable, tuple[Unit, float]] = {
+UNITS: Mapping[Observable, tuple[document.Unit, float]] = {
     "marker": ("mm", 1e3),
     "force": ("N", 1.0),
     "moment": ("N m", 1.0),
@@ -32,6 +27,17 @@ def classify_place(place: str) -> Observable:
     if place not in COMPONENTS:
         return "marker"
     return "force" if place.startswith("f") else "moment"
+
+
+def place_candidate(candidate: Candidate) -> dict[str, Any]:
+    """A candidate as a kind at a place, as documents have it."""
+    return {
+        "kind": candidate.kind,
+        "where": list(candidate.where),
+        "driver": list(candidate.driver),
+        "trials": list(candidate.trials) or None,
+        "note": candidate.note,
+    }
 
 
 def turn_into_probability(odds: float) -> float:
@@ -49,7 +55,7 @@ def turn_into_probability(odds: float) -> float:
 class NamedEffect:
     """An effect that stands out of what is ordinary."""
 
-    effect: Estimate  # with its size once everything was estimated together
+    effect: Estimate  # with its size, in the end once everything was estimated together
     covariance: Array  # (k, k): of its size (SI)
     odds: float  # logarithm of the odds that it is there, all its places taken into account
     gain: float  # share of the squares of markers, or of forces, that it took off what did not fit it
@@ -81,27 +87,15 @@ class NamedEffect:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Tried:
-    """One of the likeliest that were not named."""
-
-    candidate: Candidate
-    odds: float  # logarithm
-    gain: float  # share of the whitened squares that it alone would take; NaN of what has no columns
-    smallest: Mapping[str, float]  # sizes of its columns from which it would be named
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Findings:
     """The whole story."""
 
     verdict: Verdict
-    disagreements: tuple[DisagreementDocument, ...]  # the largest first
+    disagreements: tuple[document.DisagreementDocument, ...]  # the largest first
     named: tuple[NamedEffect, ...]
-    # fit, held_out: ``held_out`` is the same as ``fit`` where no trial was held out; then ``folds`` is true
-    fit: GapDocument
-    held_out: GapDocument
-    folds: bool
-    tried: tuple[Tried, ...]
-    unexplained: tuple[UnexplainedDocument, ...]
+    fit: document.GapDocument
+    held_out: document.GapDocument  # the same as ``fit`` where no trial was held out
+    tried: tuple[document.TriedDocument, ...]
+    unexplained: tuple[document.UnexplainedDocument, ...]
     reason: str  # why the search stopped
     notes: tuple[str, ...]  # what could not be tried and why

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -17,11 +18,7 @@ from scaling_service.capabilities.discovery.document import (
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
-from scaling_service.capabilities.discovery.ordinary.forces import (
-    ForceEvidence,
-    WrenchTable,
-    measure_noise,
-)
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable, measure_noise
 from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import UNITS, Observable, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
@@ -34,7 +31,7 @@ _CORRELATED = (
 _TOGETHER = 256  # directions that are followed at once (chosen: what a cache holds of a frame)
 _FEWEST = 5  # frames of a block that are told as a time
 
-_PARTS: Mapping[Observable, tuple[str, slice]] = {
+PARTS: Mapping[Observable, tuple[str, slice]] = {
     "marker": ("markers_mm", slice(None)),
     "force": ("force_N", slice(0, 3)),
     "moment": ("moment_Nm", slice(3, 6)),
@@ -42,16 +39,12 @@ _PARTS: Mapping[Observable, tuple[str, slice]] = {
 """Of a gap's fields: what it is of, and its places."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Expected:
-    """What is ordinary at the places of a recording, and what it leaves at its best, RMS, SI."""
-
-    ordinary: Mapping[str, float]
-    left: Mapping[str, float]
+Yardstick = Mapping[str, Mapping[str, tuple[float, float]]]
+"""By recording and place, what is ordinary, and what that leaves where it takes what it can; RMS, SI."""
 
 
-def expect_markers(body: BodyTable) -> dict[str, Expected]:
-    """Of every recording: the mean over ordinary people at the levels learnt, whose poses follow."""
+def make_yardstick(body: BodyTable, fit: Fit, forces: tuple[WrenchTable, ForceEvidence] | None) -> Yardstick:
+    """Of markers the mean over ordinary people at the levels learnt, whose poses follow; of forces these."""
     found = {}
     for k, white in enumerate(body.whites):
         look = white.look
@@ -66,23 +59,15 @@ def expect_markers(body: BodyTable) -> dict[str, Expected]:
         strays.append(np.broadcast_to(wander, (len(look.gap), *wander.shape)))
         explained = white.spread_over_spots(body.base, body.estimate(k))
         rest = look.gap - np.matmul(explained[:, None], look.columns)[:, 0]
-        ordinary, left = (
-            dict(zip(look.item.markers, np.sqrt(_measure_strays(look, x)).tolist(), strict=True))
-            for x in (np.concatenate(strays, axis=2), rest[:, :, None])
-        )
-        found[look.item.name] = Expected(ordinary, left)
+        both_ways = (np.concatenate(strays, axis=2), rest[:, :, None])
+        ordinary, left = (np.sqrt(_measure_strays(look, x)).tolist() for x in both_ways)
+        found[look.item.name] = dict(zip(look.item.markers, zip(ordinary, left, strict=True), strict=True))
+    if forces is not None:
+        table, none = forces
+        for item, *pair in zip(fit.wrenches, measure_noise(table, none.levels), none.left, strict=True):
+            ordinary, left = (row.tolist() for row in pair)
+            found[item.name] |= zip(COMPONENTS, zip(ordinary, left, strict=True), strict=True)
     return found
-
-
-def expect_forces(fit: Fit, table: WrenchTable, none: ForceEvidence) -> dict[str, Expected]:
-    """Of every recording with forces, by the levels learnt."""
-    ordinary = measure_noise(table, none.levels)
-    return {
-        item.name: Expected(
-            *(dict(zip(COMPONENTS, row[k].tolist(), strict=True)) for row in (ordinary, none.left))
-        )
-        for k, item in enumerate(fit.wrenches)
-    }
 
 
 def _measure_strays(look: Look, strays: Array) -> Array:
@@ -109,13 +94,13 @@ class _Tally:
         return float(np.sqrt(self.square[:, columns].sum() / max(self.frames[:, columns].sum(), 1.0)))
 
 
-def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
-    """Of all places over the trials of a role; None where nothing is observed."""
+def _tally(fit: Fit, chosen: Collection[str], *, forces: bool) -> _Tally | None:
+    """Of all places over some trials; None where nothing is observed."""
     items: Sequence[MotionFit | WrenchFit] = fit.wrenches if forces else fit.tracked
     names = COMPONENTS if forces else tuple(dict.fromkeys(m for item in fit.tracked for m in item.markers))
     rows, trials, starts = [], [], []
     for item in items:
-        if role is not None and item.role != role:
+        if item.name not in chosen:
             continue
         square, seen = np.zeros((len(item.times), len(names))), np.zeros((len(item.times), len(names)))
         if isinstance(item, WrenchFit):
@@ -136,82 +121,55 @@ def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
     return _Tally(places=names, square=square, frames=frames, trials=tuple(trials), starts=tuple(starts))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Yardstick:
-    """By recording, what is ordinary at every place, and what it leaves where it takes what it can."""
-
-    markers: Mapping[str, Expected]
-    forces: Mapping[str, Expected] = field(default_factory=dict)
-
-    def floors(self, tally_places: Sequence[str], trials: Sequence[str], *, left: bool = False) -> Array:
-        """Of blocks of time (n_blocks, n_places); NaN where nothing is known."""
-
-        def of(trial: str) -> list[float]:
-            known = (self.forces if tally_places == COMPONENTS else self.markers).get(trial)
-            table = {} if known is None else known.left if left else known.ordinary
-            return [table.get(place, float("nan")) for place in tally_places]
-
-        rows = {trial: of(trial) for trial in dict.fromkeys(trials)}
-        return np.array([rows[trial] for trial in trials])
+def _list_floors(yardstick: Yardstick, tally: _Tally) -> Array:
+    """Squares of what is ordinary, and of what that leaves, (2, n_blocks, n_places); NaN where not known."""
+    rows = {
+        trial: np.square([yardstick[trial].get(place, (math.nan, math.nan)) for place in tally.places]).T
+        for trial in dict.fromkeys(tally.trials)
+    }
+    return np.stack([rows[trial] for trial in tally.trials], axis=1)
 
 
 def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> GapDocument:
     """Levels of all observables and places of the trials of a role."""
     levels: dict[str, LevelDocument] = {}
-    places, whitened = {}, []
-    for observable, (name, part) in _PARTS.items():
-        old, new = (_tally(fit, role, forces=observable != "marker") for fit in (before, after))
+    places, whitened, trials = {}, [], [item.name for item in before.tracked if item.role == role]
+    for observable, (name, part) in PARTS.items():
+        old, new = (_tally(fit, trials, forces=observable != "marker") for fit in (before, after))
         if old is None or new is None:
             continue
-        floor = yardstick.floors(old.places, old.trials)
-        left = yardstick.floors(old.places, old.trials, left=True)
+        floor, left = _list_floors(yardstick, old)
+        every = old.square, old.frames, new.square, new.frames, floor * old.frames, left * old.frames
         unit, factor = UNITS[observable]
-        levels[name] = LevelDocument(**_measure(old, new, floor, left, part, factor))
+        levels[name] = LevelDocument(**_measure([[x[:, part] for x in every]], factor))
         for k in range(len(old.places))[part]:
-            level = _measure(old, new, floor, left, slice(k, k + 1), factor)
+            level = _measure([[x[:, k : k + 1] for x in every]], factor)
             places[old.places[k]] = PlaceLevelDocument(**level, unit=unit)
-        whitened.append((old, new, floor, left, part))
+        scale = 1.0 / np.where(floor > 0.0, floor, np.nan)
+        counted = np.where(np.isfinite(scale), old.frames, 0.0)
+        squares = old.square * scale, counted, new.square * scale, counted, counted, left * counted * scale
+        whitened.append([x[:, part] for x in squares])
     return GapDocument(
-        whitened=_measure_whitened(whitened) if whitened else None,
-        markers_mm=levels.get("markers_mm"),
-        force_N=levels.get("force_N"),
-        moment_Nm=levels.get("moment_Nm"),
+        whitened=LevelDocument(**_measure(whitened, 1.0)) if whitened else None,
         places=places,
+        **{name: levels.get(name) for name, _ in PARTS.values()},
     )
 
 
-def _measure(
-    old: _Tally, new: _Tally, floor: Array, left: Array, part: slice, factor: float
-) -> dict[str, float]:
-    """RMS of places together, times a factor: a distance for markers, per component for wrenches."""
-    frames = old.frames[:, part]
+def _measure(parts: Sequence[Sequence[Array]], factor: float) -> dict[str, float]:
+    """RMS of places together, times a factor: a distance for markers, per component for wrenches.
 
-    def average(values: Array) -> float:
-        return float(np.sqrt(np.nansum(np.square(values[:, part]) * frames) / max(frames.sum(), 1.0)))
-
-    low, high = _estimate_interval(new.square[:, part].sum(axis=1), new.frames[:, part].sum(axis=1))
-    found = {"before": old.rms(part), "after": new.rms(part), "floor": average(floor)}
-    found |= {"ceiling": average(left), "low": low, "high": high}
+    ``parts``: each with squares and frames before and after, and squares of what is ordinary and of what that
+    leaves, (n_blocks, n_places).
+    """
+    sums = np.sum([[np.nansum(x) for x in part] for part in parts], axis=0)
+    frames, later = np.maximum(sums[[1, 3]], 1.0)
+    before, after, floor, ceiling = np.sqrt(sums[[0, 2, 4, 5]] / [frames, later, frames, frames]).tolist()
+    low, high = _estimate_interval(
+        *(np.concatenate([np.nansum(part[k], axis=1) for part in parts]) for k in (2, 3))
+    )
+    found = {"before": before, "after": after, "floor": floor, "ceiling": ceiling, "low": low, "high": high}
     return {name: factor * value for name, value in found.items()}
-
-
-def _measure_whitened(parts: Sequence[tuple[_Tally, _Tally, Array, Array, slice]]) -> LevelDocument:
-    """All residuals divided by what is ordinary."""
-    sums, after, frames = np.zeros(4), [], []
-    for old, new, floor, left, part in parts:
-        scale = 1.0 / np.square(np.where(floor[:, part] > 0.0, floor[:, part], np.nan))
-        counted = np.where(np.isfinite(scale), old.frames[:, part], 0.0)
-        sums += [
-            np.nansum(old.square[:, part] * scale),
-            np.nansum(new.square[:, part] * scale),
-            np.nansum(np.square(left[:, part]) * counted * scale),
-            counted.sum(),
-        ]
-        after.append(np.nansum(new.square[:, part] * scale, axis=1))
-        frames.append(counted.sum(axis=1))
-    low, high = _estimate_interval(np.concatenate(after), np.concatenate(frames))
-    before, reached, ceiling = np.sqrt(sums[:3] / max(sums[3], 1.0)).tolist()
-    return LevelDocument(before=before, after=reached, floor=1.0, ceiling=ceiling, low=low, high=high)
 
 
 def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
@@ -223,13 +181,12 @@ def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
     return max(mean - _NORMAL_95 * error, 0.0) ** 0.5, (mean + _NORMAL_95 * error) ** 0.5
 
 
-def rms_by_place(fit: Fit, trials: Sequence[str], *, forces: bool) -> dict[str, float]:
+def rms_by_place(fit: Fit, trials: Collection[str], *, forces: bool) -> dict[str, float]:
     """Of every marker, or component of the wrench, over some trials; SI."""
-    tally = _tally(fit, None, forces=forces)
+    tally = _tally(fit, trials, forces=forces)
     if tally is None:
         return {}
-    rows = [k for k, trial in enumerate(tally.trials) if trial in trials]
-    square, frames = tally.square[rows].sum(axis=0), tally.frames[rows].sum(axis=0)
+    square, frames = tally.square.sum(axis=0), tally.frames.sum(axis=0)
     known = frames > 0.0
     rms = np.sqrt(square[known] / frames[known])
     return dict(zip(np.array(tally.places)[known].tolist(), rms.tolist(), strict=True))
@@ -244,57 +201,44 @@ def list_shown(where: Sequence[str], fit: Fit) -> list[str]:
 
 def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocument, ...]:
     """All places, the largest share of what stands above the ordinary first."""
-    found = []
-    for forces in (False, True):
-        tally = _tally(fit, None, forces=forces)
-        if tally is None:
-            continue
-        floor = yardstick.floors(tally.places, tally.trials)
+    every = [item.name for item in fit.tracked]
+    tallies = [t for forces in (False, True) if (t := _tally(fit, every, forces=forces)) is not None]
+    found, floors = [], {}
+    for tally in tallies:
+        squares = _list_floors(yardstick, tally)[0] * tally.frames
         for k, place in enumerate(tally.places):
-            frames = tally.frames[:, k]
-            if frames.any():
-                found.append(
-                    _describe_place(
-                        tally,
-                        k,
-                        place,
-                        float(np.sqrt(np.nansum(np.square(floor[:, k]) * frames) / frames.sum())),
-                        fit,
-                        forces,
-                    )
-                )
-    ratio = {d.where: d.rms / max(d.floor or 0.0, 1e-9) for d in found}
+            if tally.frames[:, k].any():
+                floors[place] = float(np.sqrt(np.nansum(squares[:, k]) / tally.frames[:, k].sum()))
+                found.append((place, tally, k))
+    unit = {place: UNITS[classify_place(place)][1] for place in floors}
+    ratio = {p: unit[p] * tally.rms([k]) / max(unit[p] * floors[p], 1e-9) for p, tally, k in found}
     above = {place: max(times**2 - 1.0, 0.0) for place, times in ratio.items()}
     total = max(sum(above.values()), 1e-12)
-    found.sort(key=lambda d: (-above[d.where], -ratio[d.where]))
-    return tuple(DisagreementDocument(**dict(d) | {"share": above[d.where] / total}) for d in found)
+    found.sort(key=lambda one: (-above[one[0]], -ratio[one[0]]))
+    return tuple(_describe_place(tally, k, floors[p], above[p] / total, fit) for p, tally, k in found)
 
 
-def _describe_place(
-    tally: _Tally, k: int, place: str, floor: float, fit: Fit, forces: bool
-) -> DisagreementDocument:
-    observable, rms = classify_place(place), tally.rms([k])
+def _describe_place(tally: _Tally, k: int, floor: float, share: float, fit: Fit) -> DisagreementDocument:
+    place, rms = tally.places[k], tally.rms([k])
+    observable = classify_place(place)
     unit, factor = UNITS[observable]
-    per_trial = {}
+    frames, per_trial = tally.frames[:, k], {}
     for trial in dict.fromkeys(tally.trials):
         rows = [n for n, t in enumerate(tally.trials) if t == trial]
-        frames = tally.frames[rows, k].sum()
-        if frames:
-            per_trial[trial] = factor * float(np.sqrt(tally.square[rows, k].sum() / frames))
-    frames = tally.frames[:, k]
+        if frames[rows].any():
+            per_trial[trial] = factor * float(np.sqrt(tally.square[rows, k].sum() / frames[rows].sum()))
     mean = np.where(frames >= _FEWEST, tally.square[:, k] / np.maximum(frames, 1.0), 0.0)
     most = int(np.argmax(mean))
     # Independent numbers: a block of time is one look at a place along each axis
-    freedom = float((frames > 0.0).sum()) * (1.0 if forces else 3.0)
-    p = float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom))
+    freedom = float((frames > 0.0).sum()) * (3.0 if observable == "marker" else 1.0)
     return DisagreementDocument(
         where=place,
         observable=observable,
         unit=unit,
         rms=factor * rms,
         floor=factor * floor,
-        share=0.0,
-        p=p,
+        share=share,
+        p=float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom)),
         trials=per_trial,
         when=f"{tally.trials[most]}, from {tally.starts[most]:.1f} s on",
         along=describe_course(fit, place),

@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from scaling_service.capabilities.discovery.effects.sizes import list_usual_devi
 from scaling_service.capabilities.discovery.effects.skin_wobble import find_swinging_skin, tune_swing
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Swinging
-from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import (
@@ -26,7 +24,7 @@ from scaling_service.capabilities.discovery.ordinary.body import (
     find_part,
     make_clusters,
 )
-from scaling_service.capabilities.discovery.ordinary.columns import Base, Combination
+from scaling_service.capabilities.discovery.ordinary.columns import Base
 from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
 from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
@@ -58,7 +56,7 @@ class BodyTable:
     fit: Fit
     base: Base
     ordinary: Ordinary
-    candidates: Sequence[tuple[Candidate, Array, Combination]]  # with prior deviations
+    candidates: Sequence[tuple[Candidate, Array]]  # with prior deviations
     whites: Sequence[White]
     table: Table
     loose: dict[str, float]  # part of the body to the level at which its skin wanders
@@ -78,12 +76,14 @@ class BodyTable:
             shown = is_of_body(candidate) and _is_compared(candidate, fit)
             sd = list_usual_deviations(candidate, scene.model) if shown else None
             if sd is not None:
-                found.append((candidate, sd, base.combine(candidate)))
+                found.append((candidate, sd))
         own = [
-            (e, list_usual_deviations(e.candidate, scene.model), base.combine(e.candidate))
+            (e, list_usual_deviations(e.candidate, scene.model))
             for e in fit.effects
             if is_of_body(e.candidate)
         ]
+        for candidate in (*(c for c, _ in found), *(e.candidate for e, _ in own)):
+            base.include(candidate)
         looks = _look(fit, base)
         loose = {c.part: 1.0 for look in looks for c in look.clusters}
         levels = {d.level: 1.0 for s in (ordinary.common, ordinary.own) for d in s.directions if d.level}
@@ -143,24 +143,19 @@ class BodyTable:
 
     def rank(self) -> list[Ranked]:
         """All candidates, the likeliest first."""
-        places = Counter(c.kind for c, _, _ in self.candidates)
-        found: list[tuple[float, int, Scored]] = []
-        order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k][0].trials)
-        for trials, group in groupby(order, key=lambda k: self.candidates[k][0].trials):
-            rows = list(group)
-            chosen = [self.candidates[k] for k in rows]
-            scored = self.table.score_each([c for _, _, c in chosen], [sd for _, sd, _ in chosen], trials)
-            for (candidate, _, _), k, s in zip(chosen, rows, scored, strict=True):
-                found.append((s.bayes - math.log(places[candidate.kind]), k, s))
-        found.sort(key=lambda one: -one[0])
-        livelier: dict[str, float] = {}
-        ranked = []
-        for turn, (odds, k, one) in enumerate(found):
-            of_kind = places[self.candidates[k][0].kind]
-            if turn < _AGAIN and odds > _WORTH:
-                ranked.append(self.weigh(self.candidates[k], of_kind, livelier))
-            else:
-                ranked.append(Ranked(odds, self.candidates[k][0], one))
+        places = Counter(c.kind for c, _ in self.candidates)
+        found: list[Ranked] = []
+        for trials in sorted({c.trials for c, _ in self.candidates}):
+            chosen = [one for one in self.candidates if one[0].trials == trials]
+            scored = self.table.score_each(
+                [self.base.expand(c) for c, _ in chosen], [sd for _, sd in chosen], trials
+            )
+            for (candidate, _), s in zip(chosen, scored, strict=True):
+                found.append(Ranked(s.bayes - math.log(places[candidate.kind]), candidate, s))
+        found.sort(key=lambda one: -one.odds)
+        again = [one for one in found[:_AGAIN] if one.odds > _WORTH]
+        ranked = [self.weigh(one.candidate, places[one.candidate.kind]) for one in again]
+        ranked += found[len(again) :]
         scene = self.fit.scene
         of_course = (
             *find_free_motions(scene, self.base, self.left, self.levels),
@@ -174,23 +169,17 @@ class BodyTable:
         chosen = [one for one in self.candidates if one[0].key in keys]
         if not chosen:
             return Leanings()
-        L = np.concatenate([combination.expand(len(self.base)) for *_, combination in chosen], axis=1)
-        sds = np.concatenate([sd for _, sd, _ in chosen])
-        return Leanings(tuple(c for c, *_ in chosen), *self.table.project(L), sds)
+        L = np.concatenate([self.base.expand(c) for c, _ in chosen], axis=1)
+        sds = np.concatenate([sd for _, sd in chosen])
+        return Leanings(tuple(c for c, _ in chosen), *self.table.project(L), sds)
 
-    def weigh(
-        self, choice: tuple[Candidate, Array, Combination], places: int, livelier: dict[str, float]
-    ) -> Ranked:
-        """One candidate at one of so many places, levels learnt beside it, against a livelier place there.
-
-        ``livelier``: what is known of that already, by its place.
-        """
-        candidate, sd, combination = choice
-        anew = self.table.score_learning(combination, sd, candidate.trials)
+    def weigh(self, candidate: Candidate, places: int) -> Ranked:
+        """One candidate at one of so many places, levels learnt beside it, against a livelier place there."""
+        sd = next(sd for one, sd in self.candidates if one is candidate)
+        anew = self.table.score_learning(self.base.expand(candidate), sd, candidate.trials)
         odds = anew.bayes - math.log(places)
         at = self._list_places(candidate) if odds > self.fit.settings.odds else []
-        ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
-        return Ranked(odds - ordinary, candidate, anew)
+        return Ranked(odds - max(map(self._score_livelier, at), default=0.0), candidate, anew)
 
     @cached_property
     def left(self) -> list[tuple[White, Array]]:
@@ -218,7 +207,7 @@ class BodyTable:
     def _list_places(self, candidate: Candidate) -> list[str]:
         """Where something ordinary may be livelier instead of a candidate: skin, glide, a marker's place."""
         model = self.fit.model
-        follows = any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts)
+        follows = candidate.follows
         first = candidate.where[0]
         if first not in model.marker_names:
             return [first] if follows else []
@@ -227,12 +216,16 @@ class BodyTable:
             return [] if candidate.trials else [f"place of {first}"]
         return [segment, *([f"skin of {first}"] if len(candidate.where) == 1 else [])]
 
-    def _score_livelier(self, place: str, known: dict[str, float]) -> float:
+    def _score_livelier(self, place: str) -> float:
         """See :meth:`Table.score_livelier`."""
-        if place not in known:
+        if place not in self._livelier:
             L, level = self._expand_place(place)
-            known[place] = self.table.score_livelier(L, level) if L.shape[1] else 0.0
-        return known[place]
+            self._livelier[place] = self.table.score_livelier(L, level) if L.shape[1] else 0.0
+        return self._livelier[place]
+
+    @cached_property
+    def _livelier(self) -> dict[str, float]:
+        return {}
 
     def _expand_place(self, place: str) -> tuple[Array, str]:
         """What lasts at a place or of one of its markers, (n_columns, any), at level one, and whose it is."""
@@ -251,20 +244,12 @@ class BodyTable:
         found = found * mask
         return found[:, np.abs(found).max(axis=0) > 0.0], owners[0] if owners else ""
 
-    @cached_property
-    def combinations(self) -> dict[str, Combination]:
-        """Of candidates, by their keys."""
-        return {c.key: combination for c, _, combination in self.candidates}
-
     def compare(self, one: Ranked, other: Ranked) -> float:
         """Cosine between what two candidates explain, as they were found; 0 of what has no columns."""
         if one.scored is None or other.scored is None:
             return 0.0
-        size = len(self.base)
         moved = [
-            self.combinations[r.candidate.key].expand(size) @ r.scored.size
-            for r in (one, other)
-            if r.scored is not None
+            self.base.expand(r.candidate) @ s.size for r, s in ((one, one.scored), (other, other.scored))
         ]
         first, second = (set(r.candidate.trials or [s.trial for s in self.table.sums]) for r in (one, other))
         if not first & second:
@@ -316,15 +301,15 @@ def _tabulate(
     sums: Sequence[Sums],
     ordinary: Ordinary,
     levels: dict[str, float],
-    named: Sequence[tuple[Estimate, Array | None, Combination]],
+    named: Sequence[tuple[Estimate, Array | None]],
 ) -> tuple[Table, list[Array]]:
     """Sums, with effects that are named as free as candidates are about zero, not about their estimate."""
     size = len(base)
     common, owners = ordinary.common.expand(size, levels)
     own = ordinary.own.expand(size, levels)[0]
     mine, moved = [[own] for _ in sums], [np.zeros(size) for _ in sums]
-    for effect, sd, combination in named:
-        L = combination.expand(size)
+    for effect, sd in named:
+        L = base.expand(effect.candidate)
         block = L * (np.abs(effect.size) if sd is None else sd)
         if not effect.candidate.trials:
             common, owners = np.concatenate([common, block], axis=1), [*owners, *[""] * block.shape[1]]

@@ -1,8 +1,4 @@
-"""Naming the likeliest, and what is kept of all that was tried.
-
-Nothing is named whose own places, or whose forces or markers as a whole, are worse with it on what did not
-fit it.
-"""
+"""Naming the likeliest, and what is kept of all that was tried."""
 
 from __future__ import annotations
 
@@ -13,24 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.effects.catalogue import describe_details
-from scaling_service.capabilities.discovery.effects.sizes import (
-    is_met,
-    list_usual_deviations,
-    look_up_usual_sizes,
-    settle_size,
-)
+from scaling_service.capabilities.discovery.document import TriedDocument
+from scaling_service.capabilities.discovery.effects import sizes
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.laws.candidates import (
-    Candidate,
-    Contact,
-    Estimate,
-    Seen,
-)
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate, Seen
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
-from scaling_service.capabilities.discovery.search.findings import Tried
+from scaling_service.capabilities.discovery.search.findings import NamedEffect, place_candidate
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
@@ -54,36 +41,17 @@ class Origin:
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Named:
-    """What was named so far."""
-
-    ranked: Ranked
-    gain: float
-    by_blocks: bool
-    equivalents: Mapping[Candidate, float]
-    smallest: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Withdrawn:
-    """What was named and is not what is there: its place, and why."""
-
-    ranked: Ranked
-    reason: str
-    where: tuple[str, ...]
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
 class Naming:
     """What is assumed by now, and how something is named."""
 
     fit: Fit
     origin: Origin
     steps: Steps
-    named: list[Named] = field(default_factory=list)
+    named: list[NamedEffect] = field(default_factory=list)
     refused: set[str] = field(default_factory=set)  # keys
-    withdrawn: dict[str, Withdrawn] = field(default_factory=dict)  # by their keys
-    tried: dict[str, Tried] = field(default_factory=dict)
+    # by their keys: what was named and is not what is there, its place, and why
+    withdrawn: dict[str, tuple[Candidate, tuple[str, ...], str]] = field(default_factory=dict)
+    tried: dict[str, tuple[float, TriedDocument]] = field(default_factory=dict)  # with log odds
     covariances: dict[str, Array] = field(default_factory=dict)
     leanings: dict[str, Leanings] = field(default_factory=dict)
     last: dict[Seen, list[Ranked]] = field(default_factory=dict)  # as they were ranked last
@@ -100,17 +68,17 @@ class Naming:
         classes: Mapping[str, Mapping[Candidate, float]],
     ) -> bool:
         """Name the first that has the odds and does good; whether there was one."""
-        taken = {e.candidate.key for e in self.fit.effects}
+        taken = self.fit.by_key
         for one in ranked:
             key = one.candidate.key
             if one.odds < self.settings.odds:
                 break
             if key in self.refused or key in taken:
                 continue
-            size = np.zeros(0)
+            size, covariance = np.zeros(0), np.zeros((0, 0))
             if one.scored is not None:
                 covariance = one.scored.covariance
-                settled = settle_size(one.candidate, one.scored.size, covariance, self.fit.model)
+                settled = sizes.settle_size(one.candidate, one.scored.size, covariance, self.fit.model)
                 size = one.scored.size if settled is None else settled
             if not self._is_met(one.candidate, size):
                 self.refused.add(key)
@@ -118,16 +86,19 @@ class Naming:
             effect = Estimate(one.candidate, size)
             fit = refit((*self.fit.effects, effect))
             gain, by_blocks = self._measure_gain(fit, one.candidate)
-            usual = look_up_usual_sizes(one.candidate, self.fit.model)
-            shown = ((usual(name), value) for name, value in describe_details(effect, fit).items())
+            usual = sizes.look_up_usual_sizes(one.candidate, self.fit.model)
+            details = find_effects()[one.candidate.kind].details(effect, fit)
+            shown = ((usual(name), value) for name, value in details.items())
             if gain is None or any(met and not met.low <= value <= met.high for met, value in shown):
                 self.refused.add(key)
                 continue
             self.fit = fit
-            self.covariances[key] = np.zeros((0, 0)) if one.scored is None else one.scored.covariance
+            self.covariances[key] = covariance
             self.named.append(
-                Named(
-                    ranked=one,
+                NamedEffect(
+                    effect=effect,
+                    covariance=covariance,
+                    odds=one.odds,
                     gain=gain,
                     by_blocks=by_blocks,
                     equivalents=classes.get(key, {}),
@@ -139,7 +110,7 @@ class Naming:
 
     def _is_met(self, candidate: Candidate, size: Array) -> bool:
         """Whether its size is one that laboratories meet; else it is something else."""
-        met = is_met(candidate, size, self.fit.model)
+        met = sizes.is_met(candidate, size, self.fit.model)
         return met and (candidate.together is None or candidate.together(size))
 
     def _measure_gain(self, fit: Fit, candidate: Candidate) -> tuple[float | None, bool]:
@@ -208,9 +179,13 @@ class Naming:
         for r in ranked[:SHOWN]:
             s = r.scored
             gain = float("nan") if s is None else float(s.size @ s.information @ s.size) / square
-            self.tried[r.candidate.key] = Tried(
-                candidate=r.candidate, odds=r.odds, gain=gain, smallest=self._find_smallest(r)
+            document = TriedDocument(
+                **place_candidate(r.candidate),
+                gain=gain,
+                log_odds=r.odds,
+                smallest_nameable=self._find_smallest(r),
             )
+            self.tried[r.candidate.key] = r.odds, document
         for r in ranked:
             if r.scored is not None and r.candidate.kind in OF_MODELS and not r.candidate.trials:
                 s = r.scored
@@ -222,23 +197,23 @@ class Naming:
         refused = self.refused - self.withdrawn.keys()
         return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in refused]
 
-    def _withdraw(self, one: Named, reason: str, where: tuple[str, ...] = ()) -> None:
+    def _withdraw(self, one: NamedEffect, reason: str, where: tuple[str, ...] = ()) -> None:
         """Take an effect out of what is named; recordings are not tracked anew."""
-        candidate = one.ranked.candidate
-        self.withdrawn[candidate.key] = Withdrawn(one.ranked, reason, where or candidate.where)
-        self._forget(candidate.key)
+        self.withdrawn[one.key] = one.candidate, where or one.candidate.where, reason
+        self._forget(one.key)
 
     def _forget(self, key: str) -> None:
         self.refused.add(key)
-        self.named = [n for n in self.named if n.ranked.candidate.key != key]
+        self.named = [n for n in self.named if n.key != key]
 
     def join_leanings(self, body: BodyTable) -> Leanings:
         """What the recordings say of every effect of the model, named or not; of the body's together."""
-        for effect in self.fit.effects:
-            key, sd = effect.candidate.key, list_usual_deviations(effect.candidate, self.fit.model)
+        taken = self.fit.by_key
+        for key, effect in taken.items():
+            sd = sizes.list_usual_deviations(effect.candidate, self.fit.model)
             if key in self.leanings and sd is not None:
                 self.leanings[key] = Leanings.of(effect.candidate, effect.size, self.covariances[key], sd)
-        together = body.lean(self.leanings.keys() - {e.candidate.key for e in self.fit.effects})
+        together = body.lean(self.leanings.keys() - taken.keys())
         known = {c.key for c in together.candidates}
         return Leanings.join([together, *(one for key, one in self.leanings.items() if key not in known)])
 

@@ -7,6 +7,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,11 +19,7 @@ from scaling_service.capabilities.discovery.effects.body_mass import (
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.external_contact import find_contacts, make_touch
 from scaling_service.capabilities.discovery.effects.marker_swap import find_exchanges
-from scaling_service.capabilities.discovery.effects.sizes import (
-    is_met,
-    list_usual_deviations,
-    settle_size,
-)
+from scaling_service.capabilities.discovery.effects.sizes import is_met, list_usual_deviations, settle_size
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
@@ -33,23 +30,14 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Swinging,
 )
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.ordinary.forces import (
-    NOISE,
-    ForceEvidence,
-    Touch,
-    WrenchTable,
-)
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE, ForceEvidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
-from scaling_service.capabilities.discovery.search.naming import (
-    Named,
-    Naming,
-    is_of_forces,
-    is_of_markers,
-)
+from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces, is_of_markers
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
@@ -130,23 +118,23 @@ class Search(Naming):
             classes = self._tell_classes(chosen, body.compare)
             if not self._name_first(chosen, self._refit_markers, classes):
                 astray = body.list_astray(self.settings.unexplained)
-                if not (unproven := [n for n in self.named if set(n.ranked.candidate.where) & astray]):
+                if not (unproven := [n for n in self.named if set(n.candidate.where) & astray]):
                     break
                 # what is there is something else
-                self._take_back(min(unproven, key=lambda n: n.ranked.odds).ranked.candidate.key)
+                self._take_back(min(unproven, key=lambda n: n.odds).key)
         return self._withdraw_of_body(body)
 
     def _withdraw_of_body(self, body: BodyTable) -> BodyTable:
         """Without what leaves its markers livelier than others of their part, or is one of many alike."""
         lively = body.list_astray(_LIVELY)
-        for one in [n for n in self.named if not isinstance(n.ranked.candidate.change, Exchange)]:
-            if lively & set(one.ranked.candidate.where):
+        for one in [n for n in self.named if not isinstance(n.candidate.change, Exchange)]:
+            if lively & set(one.candidate.where):
                 self._withdraw(one, LIVELY)
             elif len(one.equivalents) >= _MANY:
                 self._withdraw(one, ONE_OF_MANY)
         if not self.withdrawn:
             return body
-        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key not in self.withdrawn])
+        self.fit = self._refit_markers(self.fit.without(self.withdrawn).effects)
         return self._make_table()
 
     def _make_table(self) -> BodyTable:
@@ -161,38 +149,41 @@ class Search(Naming):
                 break
             self.fit = self._refit_markers(tuned)
             body = self._tabulate(self.fit)
-        again = [(self._settle(e, c), c) for e, c in body.reestimate()]
-        self.covariances |= {e.candidate.key: covariance for e, covariance in again}
-        unmet = [e for e, _ in again if not is_met(e.candidate, e.size, self.fit.model)]
-        unmet += [
-            e
-            for e in self.fit.effects
-            if isinstance(e.candidate.change, Swinging) and not is_met(e.candidate, e.size, self.fit.model)
-        ]
+        again = self._settle(body.reestimate())
+        swinging = [e for e in self.fit.effects if isinstance(e.candidate.change, Swinging)]
+        unmet = [e for e in (*again, *swinging) if not is_met(e.candidate, e.size, self.fit.model)]
         if unmet:  # it grew out of what laboratories meet: it is something else
             self._take_back(unmet[0].candidate.key)
             return self._make_table()
-        moved = {e.candidate.key: e for e, c in again if self._has_moved(e, c)}
-        if not moved:
+        effects = self._move(again)
+        if effects is None:
             return body
-        effects = tuple(moved.get(e.candidate.key, e) for e in self.fit.effects)
         self.fit = self._refit_markers(effects)
         return self._tabulate(self.fit, body)
 
     def _take_back(self, key: str) -> None:
         """An effect of the body, for good."""
         self._forget(key)
-        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key != key])
+        self.fit = self._refit_markers(self.fit.without({key}).effects)
 
-    def _settle(self, effect: Estimate, covariance: Array) -> Estimate:
-        """Within what laboratories meet, where that is as uncertain."""
-        size = settle_size(effect.candidate, effect.size, covariance, self.fit.model)
-        return effect if size is None else Estimate(effect.candidate, size)
+    def _settle(self, found: Sequence[tuple[Estimate, Array]]) -> list[Estimate]:
+        """Estimates within what laboratories meet, where that is as uncertain; their covariances are kept."""
+        self.covariances |= {e.candidate.key: covariance for e, covariance in found}
+        sizes = [settle_size(e.candidate, e.size, covariance, self.fit.model) for e, covariance in found]
+        return [
+            e if size is None else Estimate(e.candidate, size)
+            for (e, _), size in zip(found, sizes, strict=True)
+        ]
 
-    def _has_moved(self, effect: Estimate, covariance: Array) -> bool:
-        before = next(e for e in self.fit.effects if e.candidate.key == effect.candidate.key)
-        sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        return bool((np.abs(effect.size - before.size) > _MOVED * sd).any())
+    def _move(self, found: Sequence[Estimate]) -> list[Estimate] | None:
+        """All effects, with those sizes that moved by more than they are uncertain; None where none did."""
+        before, moved = self.fit.by_key, {}
+        for effect in found:
+            key = effect.candidate.key
+            sd = np.sqrt(np.maximum(np.diag(self.covariances[key]), 1e-300))
+            if (np.abs(effect.size - before[key].size) > _MOVED * sd).any():
+                moved[key] = effect
+        return [moved.get(key, e) for key, e in before.items()] if moved else None
 
     def _tabulate(self, fit: Fit, like: BodyTable | None = None) -> BodyTable:
         return BodyTable.of(fit, given=self.origin.given, placed=self.origin.placed, like=like)
@@ -252,7 +243,7 @@ class Search(Naming):
             self._remember(ranked, loads.square)
             if count == self.settings.most:
                 break
-            classes = self._tell_classes(ranked, Alike(loads, [c for c, _ in self._list_loads()]))
+            classes = self._tell_classes(ranked, partial(compare_loads, loads))
             if not self._name_first(ranked, self._refit_forces, classes):
                 break
         return self._withdraw_of_forces(loads)
@@ -262,58 +253,46 @@ class Search(Naming):
 
         What was named after it was found in what it left, and goes with it.
         """
-        ours = [n for n in self.named if not is_of_markers(n.ranked.candidate)]
+        ours, sizes = [n for n in self.named if not is_of_markers(n.candidate)], self.fit.by_key
         for k, one in enumerate(ours):
-            candidate = one.ranked.candidate
-            size = next(e.size for e in self.fit.effects if e.candidate.key == candidate.key)
-            if is_of_forces(candidate) and not is_met(candidate, size, self.fit.model):
-                reason, where = GROWN, tuple[str, ...]()
-            elif is_of_forces(candidate) and self._score_drift(loads, candidate) > self.settings.odds:
-                reason, where = DRIFTS, ()
+            of_forces, sd = is_of_forces(one.candidate), list_usual_deviations(one.candidate, self.fit.model)
+            where: tuple[str, ...] = ()
+            if of_forces and not is_met(one.candidate, sizes[one.key].size, self.fit.model):
+                reason = GROWN
+            elif of_forces and sd is not None and loads.score_drift(sizes[one.key], sd) > self.settings.odds:
+                reason = DRIFTS
             elif len(one.equivalents) >= _MANY:
                 reason, where = ONE_OF_MANY, (self._find_most(one),)
             else:
                 continue
             self._withdraw(one, reason, where)
-            later = {n.ranked.candidate.key for n in ours[k:]}
+            later = {n.key for n in ours[k:]}
             for key in later:
                 self._forget(key)
-            self.fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key not in later])
+            self.fit = self._refit_forces(self.fit.without(later).effects)
             loads, self.last["wrench"] = self._rank_forces()
             break
         return loads.table, loads.none
 
-    def _score_drift(self, loads: Loads, candidate: Candidate) -> float:
-        """Log Bayes factor of a named effect's changing in the course of recordings, beside itself."""
-        sd = list_usual_deviations(candidate, self.fit.model)
-        assert sd is not None
-        effect = next(e for e in self.fit.effects if e.candidate.key == candidate.key)
-        return loads.score_drift(effect, sd)
-
-    def _find_most(self, one: Named) -> str:
+    def _find_most(self, one: NamedEffect) -> str:
         """The component of the wrench that an effect changes most, in what is ordinary of each."""
-        candidate = one.ranked.candidate
-        fit = self._refit_forces([e for e in self.fit.effects if e.candidate.key != candidate.key])
-        trials = [item.name for item in fit.wrenches if candidate.holds_in(item.name)]
+        fit = self._refit_forces(self.fit.without({one.key}).effects)
+        trials = [item.name for item in fit.wrenches if one.candidate.holds_in(item.name)]
         before, after = (rms_by_place(f, trials, forces=True) for f in (fit, self.fit))
         return max(before, key=lambda c: (before[c] ** 2 - after[c] ** 2) / NOISE[COMPONENTS.index(c)] ** 2)
 
-    def _list_loads(self) -> list[tuple[Candidate, Array]]:
-        pairs = [
-            (c, list_usual_deviations(c, self.fit.model))
-            for c in propose_candidates(self.fit.scene)
-            if is_of_forces(c)
-        ]
-        return [(c, sd) for c, sd in pairs if sd is not None]
-
     def _rank_forces(self) -> tuple[Loads, list[Ranked]]:
         """All candidates of the wrench, those named estimated together."""
-        choice = self._list_loads()
+        model = self.fit.model
+        choice = [
+            (c, sd)
+            for c in propose_candidates(self.fit.scene)
+            if is_of_forces(c) and (sd := list_usual_deviations(c, model)) is not None
+        ]
         named = [
             (e, sd)
             for e in self.fit.effects
-            if is_of_forces(e.candidate)
-            and (sd := list_usual_deviations(e.candidate, self.fit.model)) is not None
+            if is_of_forces(e.candidate) and (sd := list_usual_deviations(e.candidate, model)) is not None
         ]
         weight = balance_weight(self.fit)
         weighed = self._is_weighed()
@@ -337,11 +316,8 @@ class Search(Naming):
             ],
             touches=list_touches,
         )
-        self.covariances |= {e.candidate.key: covariance for e, covariance in loads.named}
-        settled = [(self._settle(e, c), c) for e, c in loads.named]
-        moved = {e.candidate.key: e for e, c in settled if self._has_moved(e, c)}
-        if moved:
-            self.fit = self._refit_forces([moved.get(e.candidate.key, e) for e in self.fit.effects])
+        if effects := self._move(self._settle(loads.named)):
+            self.fit = self._refit_forces(effects)
         places = Counter(c.kind for c, _ in choice)
         ranked = [
             Ranked(s.bayes - math.log(places[c.kind]), c, s)
@@ -408,26 +384,18 @@ def _pitch(effects: Sequence[Estimate]) -> list[float]:
     return [change.frequency_hz for change in swinging if isinstance(change, Swinging)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Alike:
-    """Cosine between what two candidates of the wrench explain, as they were found.
+def compare_loads(loads: Loads, one: Ranked, other: Ranked) -> float:
+    """Cosine between what two candidates of the wrench explain, as they were found; 0 without columns.
 
     Touches of one recording may take any course, so that they explain the same.
     """
-
-    loads: Loads
-    choice: Sequence[Candidate]
-
-    def __call__(self, one: Ranked, other: Ranked) -> float:
-        """0 of what has no columns, 1 of touches."""
-        if isinstance(one.candidate.change, Contact) and isinstance(other.candidate.change, Contact):
-            return float(one.candidate.trials == other.candidate.trials)
-        if one.scored is None or other.scored is None:
-            return 0.0
-        table, keys = self.loads.table, [c.key for c in self.choice]
-        scale = table.scale(self.loads.none.levels)
-        a, b = (
-            (scale * table.explain(table.numbers[keys.index(r.candidate.key)], s.size)).ravel()
-            for r, s in ((one, one.scored), (other, other.scored))
-        )
-        return float(a @ b / math.sqrt(max(float(a @ a) * float(b @ b), 1e-300)))
+    if isinstance(one.candidate.change, Contact) and isinstance(other.candidate.change, Contact):
+        return float(one.candidate.trials == other.candidate.trials)
+    if one.scored is None or other.scored is None:
+        return 0.0
+    table, scale = loads.table, loads.table.scale(loads.none.levels)
+    a, b = (
+        (scale * table.explain(loads.number(r.candidate), s.size)).ravel()
+        for r, s in ((one, one.scored), (other, other.scored))
+    )
+    return float(a @ b / math.sqrt(max(float(a @ a) * float(b @ b), 1e-300)))

@@ -47,11 +47,12 @@ def _show_markers(every: Sequence[Candidate], fit: Fit, movement: str) -> list[A
     if item is None:
         return None
     base = Base()
-    combined = [base.combine(c) for c in every]
+    for candidate in every:
+        base.include(candidate)
     white = Look.of(item, base, Generators.of(item, base.spots), make_clusters(item)).whiten({})
     found = []
-    for one in combined:
-        moved = [white.spread_over_spots(base, column) for column in one.expand(len(base)).T]
+    for candidate in every:
+        moved = [white.spread_over_spots(base, column) for column in base.expand(candidate).T]
         shown = [np.matmul(m[:, None], white.columns)[:, 0].ravel() for m in moved]
         found.append(np.sqrt(white.look.weight) * np.stack(shown, axis=1))
     return found

@@ -38,11 +38,10 @@ def list_unexplained(
     """Places that are livelier than others of the person, and those of what has the odds but no name."""
     limit, fit = search.settings.unexplained, search.fit
     names = [item.name for item in fit.tracked]
-    rms, of_forces = (rms_by_place(fit, names, forces=forces) for forces in (False, True))
+    rms = rms_by_place(fit, names, forces=False) | rms_by_place(fit, names, forces=True)
     floors = {
-        place: math.sqrt(np.mean([e.ordinary[place] ** 2 for e in kind.values() if place in e.ordinary]))
-        for kind, places in ((yardstick.markers, rms), (yardstick.forces, of_forces))
-        for place in places
+        place: math.sqrt(np.mean([known[place][0] ** 2 for known in yardstick.values() if place in known]))
+        for place in rms
     }
     jumps = sorted((j for j in _list_jumps(body) if j[0] > search.settings.odds), reverse=True)
     jumped = {j[1]: j for j in reversed(jumps)}
@@ -60,25 +59,24 @@ def list_unexplained(
             row = int(lively[:, k].argmax())
             if lively[row, k] > limit:
                 trial, level = fit.wrenches[row].name, float(evidence.levels[row, k])
-                of_forces[component] = rms_by_place(fit, [trial], forces=True)[component]
-                floors[component] = yardstick.forces[trial].ordinary[component] / level
+                rms[component] = rms_by_place(fit, [trial], forces=True)[component]
+                floors[component] = yardstick[trial][component][0] / level
                 found.append((math.log(level), (component,), component, ""))
     off: dict[tuple[str, ...], float] = {}  # of faults whose size the readings tell
     for where, places, law, size in _list_faults(fit):
         if shown := [p for p in places if p in floors]:
-            most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
+            most = max(shown, key=lambda p: rms[p] / floors[p])
             found.append((0.0, where, most, law))
             off |= {where: size} if size else {}
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
-    standing = [(w.ranked.candidate, w.where, w.reason) for w in search.withdrawn.values()]
+    standing = list(search.withdrawn.values())
     standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
     for c, where, reason in standing:
         if not told & set(where):
             told |= set(where)
             every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
-            shown = [p for p in every if p in rms or p in of_forces]
-            if shown:
-                most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
+            if shown := [p for p in every if p in rms]:
+                most = max(shown, key=lambda p: rms[p] / floors[p])
                 found.append((0.0, where, most, reason.format(c.kind.replace("_", " "))))
     made = []
     for _, where, place, law in sorted(found, reverse=True):
@@ -90,7 +88,7 @@ def list_unexplained(
                 observable=observable,
                 unit=unit,
                 law=law or describe_course(fit, place) or "it follows no coordinate",
-                rms=factor * off.get(tuple(where), {**rms, **of_forces}.get(place, 0.0)),
+                rms=factor * off.get(tuple(where), rms.get(place, 0.0)),
                 floor=factor * floors[place],
             )
         )

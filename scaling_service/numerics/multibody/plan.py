@@ -6,8 +6,8 @@ depth do not depend on each other, so they are computed in one operation. Node 0
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,15 +32,15 @@ _STILL = np.stack([_UNTURNED, np.zeros((3, 3)), np.zeros((3, 3))])
 """No rotation, in the same parts."""
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclasses.dataclass(slots=True, kw_only=True)
 class _Node:
     """A node while it is put together."""
 
     link: int
-    shift: Array = field(default_factory=lambda: _ORIGIN)
+    shift: Array = dataclasses.field(default_factory=lambda: _ORIGIN)
     shift_terms: tuple[laws.TermArrays, ...] = ()
-    before: Array = field(default_factory=lambda: _UNTURNED)
-    after: Array = field(default_factory=lambda: _UNTURNED)
+    before: Array = dataclasses.field(default_factory=lambda: _UNTURNED)
+    after: Array = dataclasses.field(default_factory=lambda: _UNTURNED)
     turn: float | None = None
     turn_terms: tuple[laws.TermArrays, ...] = ()
 
@@ -50,7 +50,7 @@ class _Node:
         return self.turn is None and self.before is _UNTURNED
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Linear:
     """Laws of many nodes at once: ``constant``, a matrix times q, and the terms that are not linear in q.
 
@@ -79,7 +79,7 @@ class Linear:
         return result
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Entry:
     """One term of one node's law: what it moves, and how.
 
@@ -95,7 +95,7 @@ class Entry:
     number: int = 0  # which coordinate of the term's factor is looked at, where they are one by one
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Plan:
     """Nodes sorted by depth, as arrays; row 0 is the ground."""
 
@@ -228,7 +228,7 @@ def _build_linear(
 def split_entries(entries: Sequence[Entry], factors: Sequence[laws.Factor]) -> list[Entry]:
     """The entries that coordinates move, once for each coordinate."""
     return [
-        replace(entry, number=number) if number else entry
+        dataclasses.replace(entry, number=number) if number else entry
         for entry in entries
         if entry.term.factor != laws.NONE
         for number in range(len(factors[entry.term.factor].coordinates))

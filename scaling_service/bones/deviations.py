@@ -9,8 +9,8 @@ times such a deviation holds 95 % (1.61 in space, 1.73 of an axis).
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,14 @@ TURN = float(np.deg2rad(5.0))
 _ACROSS = float(np.sqrt(2.0 / 3.0))  # share of a distance in space that lies across a line
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Tip:
     """Where a part of a bone reaches furthest: see :func:`scaling_service.bones.fits.find_tip`."""
 
     surface: Surface
     direction: Array  # (3,), unit
     within: Mask  # (n,)
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     depth: float = fits.BLUNT_M  # m
     turn: float = TURN  # rad; standard deviation of the direction about each axis across it
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cuts import find_cut_plane, is_cut
+from scaling_service.bones import cuts
 from scaling_service.bones.pieces import Shank
 from scaling_service.bones.results import MeshRefused, Side
 from scaling_service.bones.surface import Surface
@@ -58,7 +58,7 @@ def find_shank_pose(shank: Shank, named: Side | None) -> ShankPose:
     """
     tibia, fibula = shank.tibia, shank.fibula
     axis = _find_shaft(tibia, fibula)
-    cut = {sign: is_cut(tibia, sign * axis) for sign in (-1.0, 1.0)}
+    cut = {sign: cuts.is_cut(tibia, sign * axis) for sign in (-1.0, 1.0)}
     if all(cut.values()):
         raise MeshRefused(
             "both of its ends are cut off: a shaft has no landmarks",
@@ -92,7 +92,7 @@ def _find_shaft(tibia: Surface, fibula: Surface | None) -> Array:
     thickness = 2.0 * float(np.linalg.norm(across - across.mean(axis=0), axis=1).max())
     if float(np.ptp(tibia.smooth @ own)) > _ELONGATED * thickness:
         return own
-    thin, normal = fibula.widest_direction(), find_cut_plane(tibia)
+    thin, normal = fibula.widest_direction(), cuts.find_cut_plane(tibia)
     if normal is None:
         return thin
     both = normal + thin * np.sign(thin @ normal)

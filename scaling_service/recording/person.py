@@ -7,7 +7,7 @@ doubt are refused by whoever computes; the others are told.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
+from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Relabelling, Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
@@ -62,7 +62,7 @@ def ask(given: findings.Recordings) -> tuple[findings.Finding, ...]:
 _Kind = TypeVar("_Kind", bound=Trial)
 
 
-def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None) -> _Kind:
+def mend(trial: _Kind, corrections: abc.Iterable[Relabelling], mirrored: str | None) -> _Kind:
     """The recording as its person says that it should be, each change among its repairs.
 
     ``trial``: in the laboratory's axes. ``mirrored``: ``x``, ``y`` or ``z``: the axis along which the
@@ -78,14 +78,14 @@ def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None)
     return exchanged.relabel(trial, corrections)
 
 
-def ask_one_person(trial: Trial) -> Iterator[findings.Finding]:
+def ask_one_person(trial: Trial) -> abc.Iterator[findings.Finding]:
     """Whether two sets of the same labels stand in one recording, far apart."""
     step = max(1, trial.n_frames // witnesses.FRAMES)
     shown = find_shown(trial.markers[::step])
     keys = {
-        label: make_plain_key(label)
+        label: anatomy_markers.make_plain_key(label)
         for label, seen in zip(trial.labels, shown, strict=True)
-        if seen and not is_computed(label) and not is_unlabelled(label)
+        if seen and not anatomy_markers.is_computed(label) and not is_unlabelled(label)
     }
     twice: dict[str, list[tuple[str, str]]] = {}
     for (one, other), alike in _find_alike(keys).items():
@@ -107,7 +107,7 @@ def ask_one_person(trial: Trial) -> Iterator[findings.Finding]:
         )
 
 
-def _find_alike(keys: Mapping[str, str]) -> dict[tuple[str, str], str]:
+def _find_alike(keys: abc.Mapping[str, str]) -> dict[tuple[str, str], str]:
     """Pairs of labels that stand for one place, in the order of the recording, and what tells them apart.
 
     ``keys``: label to its plain name. Each name is looked up among those that are some letters shorter.
@@ -117,7 +117,7 @@ def _find_alike(keys: Mapping[str, str]) -> dict[tuple[str, str], str]:
     placed: dict[str, list[str]] = {}
     for label, key in keys.items():
         named.setdefault(key, []).append(label)
-        role = find_canonical(label)
+        role = anatomy_markers.find_canonical(label)
         if role is not None:
             placed.setdefault(role, []).append(label)
     found: dict[tuple[str, str], str] = {}
@@ -148,7 +148,7 @@ def _find_affix(one: str, other: str) -> str | None:
     return f"<{long[:more]}" if long.endswith(short) else None
 
 
-def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[findings.Finding]:
+def ask_sides(trial: Trial, model: BodyModel | None = None) -> abc.Iterator[findings.Finding]:
     """Whether right is right: mirrored recordings, exchanged sides, fronts that are backs."""
     roles = findings.list_roles(trial)
     found = sides.judge_handedness(trial, roles)
@@ -207,7 +207,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[findings
         )
 
 
-def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
+def ask_shapes(trial: Trial, model: BodyModel) -> abc.Iterator[findings.Finding]:
     """Whether segments are mirror images of the model's; asked where no names tell sides and fronts."""
     turned, seen = 0.0, []
     for segment in model.segments:
@@ -252,7 +252,7 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
         )
 
 
-def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[findings.Finding]:
+def ask_posture(trials: abc.Sequence[Trial], static: str | None) -> abc.Iterator[findings.Finding]:
     """Whether somebody hangs head down throughout, which no standing trial shows; trials with Y up."""
     for trial in trials:
         places = {role: trial.position(label) for label, role in findings.list_roles(trial).items()}
@@ -275,7 +275,7 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[finding
             )
 
 
-def ask_exchanged(trial: Trial) -> Iterator[findings.Finding]:
+def ask_exchanged(trial: Trial) -> abc.Iterator[findings.Finding]:
     """Labels of an outer and an inner landmark that look exchanged; throughout, nothing can be computed."""
     roles = findings.list_roles(trial)
     for exchange, throughout in exchanged.find_exchanged_labels(trial, roles):
@@ -293,7 +293,7 @@ def ask_exchanged(trial: Trial) -> Iterator[findings.Finding]:
         )
 
 
-def ask_segments(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Iterator[findings.Finding]:
+def ask_segments(trials: abc.Sequence[Trial], clusters: exchanged.Clusters) -> abc.Iterator[findings.Finding]:
     """Labels of one segment that stand for each other for a while.
 
     Of two recordings that contradict each other all along, it is told once for both.
@@ -329,7 +329,7 @@ def ask_segments(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Itera
             )
 
 
-def ask_moved(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Iterator[findings.Finding]:
+def ask_moved(trials: abc.Sequence[Trial], clusters: exchanged.Clusters) -> abc.Iterator[findings.Finding]:
     """Markers that sit elsewhere than in the other recordings."""
     for one in find_moved_markers(trials, clusters):
         yield findings.Finding(

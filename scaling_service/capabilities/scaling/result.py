@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import abc
-from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -34,7 +34,7 @@ _MM = 1e3
 _WHOSE = ("another_person", "scale", "mass")  # codes of what leaves open whose body it is, or how large
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Scaling:
     """One method's model of a person, and how it follows the recordings.
 
@@ -75,19 +75,19 @@ class Scaling:
     motions: abc.Mapping[str, Motion]
     errors: abc.Mapping[str, KinematicError]
     geometry: geometries.Geometry
-    angle_sds: abc.Mapping[str, abc.Mapping[str, float]] = field(default_factory=dict)
-    deviations: abc.Mapping[str, Array] = field(default_factory=dict)
+    angle_sds: abc.Mapping[str, abc.Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    deviations: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
-    attachments: abc.Mapping[str, MovedAttachments] = field(default_factory=dict)
-    followed: abc.Mapping[str, TrackedTrial] = field(default_factory=dict)
+    attachments: abc.Mapping[str, MovedAttachments] = dataclasses.field(default_factory=dict)
+    followed: abc.Mapping[str, TrackedTrial] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
         numbers = len(self.calibration.parameters)
         return f"Scaling by {self.calibration.method}, {numbers} numbers fitted: {self.calibration.model!r}"
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Results:
     """What one or several methods made of a subject.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import json
 import logging
@@ -13,7 +14,6 @@ import time
 from collections import abc
 from concurrent import futures
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -51,7 +51,7 @@ _UNKNOWN = Failure(
 )
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclasses.dataclass(slots=True, kw_only=True)
 class RunningAttempt:
     """An attempt that a runner looks after, of a job as it was leased."""
 
@@ -60,7 +60,7 @@ class RunningAttempt:
     folder: attempts.AttemptFolder
     future: futures.Future[outcomes.Outcome]
     beside: bool  # whether it runs beside the workers, in its owner's slot for what is brief
-    begun: float = field(default_factory=time.monotonic)
+    begun: float = dataclasses.field(default_factory=time.monotonic)
 
 
 class Runner:

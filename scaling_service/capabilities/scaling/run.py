@@ -26,8 +26,8 @@ from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.scaling.sizes.without_markers import has_no_markers
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import loading
 from scaling_service.capabilities.subject.checks import require_landmarks
+from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core import progress as progressing
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.results import TruthDocument
@@ -137,12 +137,12 @@ def compare(
     report = progress or progressing.show_nothing
     table.check_methods(methods or ())
     report("reading the recordings", 0.0)
-    loaded = loading.open_subject(subject, settings, rotations=True)
+    loaded = open_subject(subject, settings, rotations=True)
     return run(loaded, methods, settings, options, progress=report, started=clock)
 
 
 def run(
-    loaded: loading.Loaded,
+    loaded: Loaded,
     methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     options: ComparisonOptions = ComparisonOptions(),
@@ -381,7 +381,7 @@ def run_demo(
         progress=lambda what: report(what, _BONES * min(1.0, next(steps) / _STEPS)),
     )
     results = run(
-        loading.Loaded(session=session),
+        Loaded(session=session),
         None,
         settings,
         progress=progressing.report_part(report, _BONES, 1 - _BONES),

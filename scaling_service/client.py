@@ -200,7 +200,10 @@ class Client:
         """Download all that a job made into a folder."""
         written = []
         for file in self.files(job):
-            target = _require_inside(Path(folder), file.name)
+            target = (Path(folder) / file.name).resolve()
+            if not target.is_relative_to(Path(folder).resolve()):
+                problem = f"the service names a file '{file.name}' outside the folder"
+                raise InputError(problem, remedy="Do not trust it")
             target.parent.mkdir(parents=True, exist_ok=True)
             with (
                 self._answer("GET", f"{_make_job_path(job)}/files/{quote(file.name)}", stream=True) as answer,
@@ -306,13 +309,6 @@ def _require_done(job: service.JobDocument) -> service.JobDocument:
     if failure is None:
         raise JobEnded(f"the job is {job.state}", field="job", remedy="Ask for it again")
     raise JobEnded(failure.problem, file=failure.file, field=failure.field, remedy=failure.remedy)
-
-
-def _require_inside(folder: Path, name: str) -> Path:
-    target = (folder / name).resolve()
-    if not target.is_relative_to(folder.resolve()):
-        raise InputError(f"the service names a file '{name}' outside the folder", remedy="Do not trust it")
-    return target
 
 
 def _list_possible_file_names(content: typing.Any) -> abc.Iterator[str]:

@@ -128,7 +128,12 @@ def find_knee(surface: Surface, distal_end: float, rightward: Array | None = Non
     if poor is not None:
         return poor
     knee = Knee(frame=frame, low=low, high=high, cylinder=None, distal=distal)
-    cylinder = _fit_cylinder(surface, knee)
+    on_arc = _weigh_arc(surface.smooth - knee.centre, frame) > 0.5
+    within = (_select_half(surface, frame, -1.0) | _select_half(surface, frame, 1.0)) & on_arc
+    radius = 0.5 * (low.radius + high.radius)
+    cylinder = fits.refine_cylinder(
+        surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within
+    )
     if cylinder is not None and abs(float(cylinder.direction @ knee.axis)) < _APART:
         return f"sphere axis and cylinder axis differ by more than {MOST_APART_DEG:.0f} degrees"
     return Knee(frame=frame, low=low, high=high, cylinder=cylinder, distal=distal)
@@ -254,11 +259,3 @@ def _guess_sphere(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> s
     rear = surface.smooth[candidates[int(np.argmin(surface.smooth[candidates] @ frame.x))]]
     radius = 0.25 * frame.width
     return shapes.SphereFit(rear + radius * frame.x, radius, _FIRST_NOISE_M, converged=True)
-
-
-def _fit_cylinder(surface: Surface, knee: Knee) -> fits.CylinderOnBone | None:
-    frame = knee.frame
-    on_arc = _weigh_arc(surface.smooth - knee.centre, frame) > 0.5
-    within = (_select_half(surface, frame, -1.0) | _select_half(surface, frame, 1.0)) & on_arc
-    radius = 0.5 * (knee.low.radius + knee.high.radius)
-    return fits.refine_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)

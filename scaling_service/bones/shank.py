@@ -148,7 +148,8 @@ def _look_from_plateau(
         )
     if fibula is not None:
         head = _find_middle_of_end(fibula, up, 1.0)
-        side, side_from = _name_side(float((head - middle) @ wide) > 0), "shape"
+        shown: Side = "r" if float((head - middle) @ wide) > 0 else "l"
+        side, side_from = shown, "shape"
     elif named is not None:
         side, side_from = named, "name"
     else:
@@ -188,10 +189,6 @@ def _look_from_ankle(tibia: Surface, fibula: Surface | None, up: Array, named: S
     return ShankPose(
         x=np.cross(up, right), y=up, z=right, height=height, plateau=None, side=named, side_from="name"
     )
-
-
-def _name_side(right: bool) -> Side:
-    return "r" if right else "l"
 
 
 def _measure_behind(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahead: Array) -> float:

@@ -80,10 +80,11 @@ def find_unit(extents: Mapping[str, float]) -> str:
     >>> find_unit({"femur_r": 445.0, "talus_r": 61.0})
     'mm'
     """
+    usual = [(*SIZE_M[name.split("_")[0]], extent) for name, extent in extents.items()]
     fitting = [
         unit
         for unit, metres in UNITS.items()
-        if all(_has_size(name, extent * metres) for name, extent in extents.items())
+        if all(low <= extent * metres <= high for low, high, extent in usual)
     ]
     if fitting:
         return fitting[0]
@@ -120,11 +121,6 @@ def find_landmarks(
         _complete_knee(found, side)
         _check_socket(found, side)
     return found
-
-
-def _has_size(name: str, extent_m: float) -> bool:
-    low, high = SIZE_M[name.split("_")[0]]
-    return low <= extent_m <= high
 
 
 def _find_one(name: str, mesh: Mesh, frames: dict[str, tibias.TibiaFrame]) -> results.BoneLandmarks:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -38,7 +38,8 @@ def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> limbs.
             elif axis.axis[2] < 0.0:
                 frame[:3, :3] = np.diag([1.0, -1.0, -1.0])
             along = frame
-            lines += _write_segment(axis.name, parent, back @ axis.before @ along, _write_motion(axis))
+            motion = f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
+            lines += _write_segment(axis.name, parent, back @ axis.before @ along, [motion])
             parent, back = axis.name, np.asarray(np.linalg.inv(along), dtype=float)
         lines += _write_segment(limb.segment.name, parent, back @ limb.last, _write_mass(limb.segment))
     for marker in model.markers:
@@ -55,14 +56,10 @@ def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> limbs.
     return limbs.Skeleton("\n".join(lines), tuple(said))
 
 
-def _write_segment(name: str, parent: str, frame: Array, more: Iterator[str]) -> list[str]:
+def _write_segment(name: str, parent: str, frame: Array, more: Iterable[str]) -> list[str]:
     rows = [f"        {limbs.format_numbers(row)}" for row in frame]
     head = [f"segment {name}", f"    parent {parent}", "    RTinMatrix 1", "    RT", *rows]
     return [*head, *more, "endsegment", ""]
-
-
-def _write_motion(axis: limbs.DrivenAxis) -> Iterator[str]:
-    yield f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
 
 
 def _write_mass(segment: Segment) -> Iterator[str]:

@@ -224,6 +224,12 @@ def gather_evidence(results: Results) -> evidence.Evidence:
     session = results.session
     fitted = [trial.name for trial in session.calibration]
     names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
+    # By which recordings and images look like more than one body, or none.
+    contradictions = [str(note) for note in session.notes if note.code in _WHOSE]
+    for scaling in results.scalings.values():
+        contradictions += scaling.calibration.contradictions
+    errors = {name: scaling.errors for name, scaling in results.scalings.items()}
+    contradictions += geometries.list_doubts(errors, {}, None)
     return evidence.Evidence(
         tuple(
             _gather_method_evidence(scaling, fitted, results.held_out)
@@ -231,16 +237,8 @@ def gather_evidence(results: Results) -> evidence.Evidence:
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
         geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
-        tuple(dict.fromkeys(_list_contradictions(results))),
+        tuple(dict.fromkeys(contradictions)),
     )
-
-
-def _list_contradictions(results: Results) -> abc.Iterator[str]:
-    """By which recordings and images look like more than one body, or none."""
-    yield from (str(note) for note in results.session.notes if note.code in _WHOSE)
-    for scaling in results.scalings.values():
-        yield from scaling.calibration.contradictions
-    yield from geometries.list_doubts({name: s.errors for name, s in results.scalings.items()}, {}, None)
 
 
 def _gather_method_evidence(

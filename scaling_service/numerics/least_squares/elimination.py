@@ -238,7 +238,14 @@ def solve_step(
     A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
     so.
     """
-    bend = _bend(plan, mass, twist, second) if second.any() else None
+    bend = None
+    if second.any():
+        # Half of how each column turns the residual wrench of all that it carries, (c, 6, n).
+        load = mass[:, :, 6] * (0.5 * second)
+        for depth in plan.depths:
+            for row, parent in depth.carried:
+                load[parent] += load[row]
+        bend = compute_wrench_rate(twist, load[plan.column_row])
     grown, (count, _, n) = 1.0 + damping.share, twist.shape
     push, scaled, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
     for depth in plan.depths:
@@ -282,12 +289,3 @@ def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: A
         block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
         share *= ~stopped[:, None]
         free[:] = within
-
-
-def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
-    """Half of how each column turns the residual wrench of all that it carries, (c, 6, n)."""
-    load = mass[:, :, 6] * (0.5 * second)
-    for depth in plan.depths:
-        for row, parent in depth.carried:
-            load[parent] += load[row]
-    return compute_wrench_rate(twist, load[plan.column_row])

@@ -135,11 +135,14 @@ def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordi
         [place[parents[k]] if parents[k] != laws.NONE else 0 for k in order], dtype=np.intp
     )
     levels = tuple((slice(a, b), run_of(parent_rows[a:b])) for a, b in pairwise(bounds))
+    parts = np.stack([_STILL if node.turn is None else _TURNING for node in ordered])
+    first, second = np.stack([node.before for node in ordered]), np.stack([node.after for node in ordered])
+    rotations = (first[:, None] @ parts @ second[:, None]).transpose(0, 3, 2, 1)
     return Plan(
         parent=parent_rows,
         levels=levels,
         link_node=place[np.array(last, dtype=np.intp)],
-        rotations=_build_rotations(ordered),
+        rotations=np.ascontiguousarray(rotations).reshape(len(ordered), 9, 3),
         angles=_build_linear(
             [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
         ),
@@ -182,14 +185,6 @@ def run_of(rows: Index) -> slice | Index:
     if (rows == first).all():
         return slice(first, first + 1)
     return slice(first, first + len(rows)) if (np.diff(rows) == 1).all() else rows
-
-
-def _build_rotations(nodes: Sequence[_Node]) -> Array:
-    """The constant, sine and cosine parts of all rotations, columns one after the other, (n_nodes, 9, 3)."""
-    parts = np.stack([_STILL if node.turn is None else _TURNING for node in nodes])
-    before, after = np.stack([node.before for node in nodes]), np.stack([node.after for node in nodes])
-    whole: Array = before[:, None] @ parts @ after[:, None]
-    return np.ascontiguousarray(whole.transpose(0, 3, 2, 1)).reshape(len(nodes), 9, 3)
 
 
 def _build_linear(

@@ -82,15 +82,6 @@ def _invert(x: _Series) -> _Series:
     return x.through([(-1.0) ** k * factorial(k) / x.value ** (k + 1) for k in range(x.order + 1)])
 
 
-def _multiply_powers(x: abc.Sequence[_Series], exponents: abc.Sequence[float]) -> _Series:
-    """The product of powers of the coordinates (whole numbers, not negative)."""
-    result = _Series({x[0]._origin: np.ones_like(x[0].value)}, x[0].order)
-    for each, exponent in zip(x, exponents, strict=True):
-        for _ in range(round(exponent)):
-            result = result * each
-    return result
-
-
 def _point_normal(x: abc.Sequence[_Series], _: abc.Sequence[float], axis: int) -> _Series:
     """A component of the z axis after turns about x and y, both of the frame reached."""
     (sin_a, cos_a), (sin_b, cos_b) = _turn(x[0]), _turn(x[1])
@@ -162,7 +153,11 @@ class Surface:
             for value, unit in zip(x, units, strict=True)
         ]
         if self.kind == "powers":
-            return _multiply_powers(inputs, self.numbers)
+            result = _Series({inputs[0]._origin: one}, order)
+            for each, exponent in zip(inputs, self.numbers, strict=True):
+                for _ in range(round(exponent)):
+                    result = result * each
+            return result
         kind, _, letter = self.kind.partition("_")
         follow = {"normal": _point_normal, "arc": _reach_along_arc}[kind]
         return follow(inputs, self.numbers, "xyz".index(letter))

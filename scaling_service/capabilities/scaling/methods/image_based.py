@@ -56,7 +56,12 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     axis = evidence.axes.get(f"knee_{side}")
     lateral, medial = image_points.find_epicondyles(evidence, side, knee)
     femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
-    femur = _turn_through(femur, hip, knee)
+    # Turned as little as needed for its y to run from the knee to the hip centre: the midpoint of the
+    # epicondyles, from which the ISB takes y, is not the knee centre of the image.
+    y = (hip - knee) / np.linalg.norm(hip - knee)
+    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
+    z /= np.linalg.norm(z)
+    femur = Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = parameters.tilt_of(direction if direction[2] > 0.0 else -direction)
     below = _to_vector(femur.to_local(knee)[0])
@@ -65,17 +70,6 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     ankle = np.array(evidence.centres[f"ankle_{side}"])
     tibia = _carry_shank(femur, knee, ankle, tilt)
     return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
-
-
-def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
-    """The frame turned as little as needed for its y to run from the knee to the hip centre.
-
-    The midpoint of the epicondyles, from which the ISB takes y, is not the knee centre of the image.
-    """
-    y = (hip - knee) / np.linalg.norm(hip - knee)
-    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
-    z /= np.linalg.norm(z)
-    return Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
 
 
 def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt) -> Frames:
@@ -103,14 +97,6 @@ def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:
         model = placement.with_centre(model, foot, leg.ankle)
     model = placement.with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
     return model if leg.ankle is None else placement.move_markers(model, {f"{side.upper()}AJC": leg.ankle})
-
-
-def _with_hips(model: body.BodyModel, pelvis: imaged_pelvis.PelvisFit) -> body.BodyModel:
-    """Both hips where the image shows them in the pelvis."""
-    for side, at in pelvis.hips.items():
-        if f"femur_{side}" in model.segment_names:
-            model = placement.with_centre(model, f"femur_{side}", _to_vector(pelvis.image.to_local(at)[0]))
-    return model
 
 
 def _fit_pelvis(session: Session, start: results.Calibration, image: Frames) -> imaged_pelvis.PelvisFit:
@@ -144,7 +130,11 @@ def _bring_onto_bones(
     if pelvis is not None:
         osim_image_based.register_pelvis(found, pelvis)
     for side in sides:
-        osim_image_based.register_leg(found, evidence, side, _find_rightward(evidence, side))
+        # From the left to the right epicondyle, or along the flexion axis.
+        at = np.array(evidence.centres[f"knee_{side}"])
+        lateral, medial = image_points.find_epicondyles(evidence, side, at)
+        rightward = lateral - medial if side == "r" else medial - lateral
+        osim_image_based.register_leg(found, evidence, side, rightward)
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
     for side in others:
         osim_image_based.mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
@@ -185,14 +175,6 @@ def _bring_onto_bones(
             n: size for n, size in start.sizes.items() if n not in found.ratios.keys() | found.poses.keys()
         },
     )
-
-
-def _find_rightward(evidence: trial.ImageEvidence, side: str) -> Array:
-    """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
-    lateral, medial = image_points.find_epicondyles(
-        evidence, side, np.array(evidence.centres[f"knee_{side}"])
-    )
-    return lateral - medial if side == "r" else medial - lateral
 
 
 def _list_osim_notes(
@@ -295,7 +277,10 @@ def _scale(
     frames: dict[str, Frames] = {}
     if pelvis is not None:
         frames["pelvis"] = pelvis.image
-        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), pelvis)
+        model = scale_model(model, {"pelvis": pelvis.factors})
+        for thigh, at in ((f"femur_{side}", at) for side, at in pelvis.hips.items()):
+            if thigh in model.segment_names:
+                model = placement.with_centre(model, thigh, _to_vector(pelvis.image.to_local(at)[0]))
     tilts: dict[str, parameters.Tilt] = (
         dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     )

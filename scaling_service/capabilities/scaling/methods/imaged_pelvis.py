@@ -70,7 +70,11 @@ def fit_pelvis(
 
     Where no spine is marked on the model the prior gives the pitch, and hips the rest.
     """
-    hips, seen = place_hips(model, pelvis), _find_imaged_hips(evidence, image)
+    hips = place_hips(model, pelvis)
+    seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
+    for side, other in ("rl", "lr"):  # of half a pelvis the other hip is the mirror image
+        if other in seen:
+            seen.setdefault(side, image.to_ground(image.to_local(seen[other])[0] * _MIRROR)[0])
     pairs = _pair_points(model, pelvis, evidence, hips, seen)
     start = (
         _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
@@ -99,15 +103,6 @@ def fit_pelvis(
         image=image,
         hips=seen,
     )
-
-
-def _find_imaged_hips(evidence: trials.ImageEvidence, image: frames.Frames) -> dict[str, Array]:
-    """Both hip centres in the image, (3,) m; of half a pelvis the other is its mirror image."""
-    seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
-    for side, other in ("rl", "lr"):
-        if other in seen:
-            seen.setdefault(side, image.to_ground(image.to_local(seen[other])[0] * _MIRROR)[0])
-    return seen
 
 
 def place_hips(model: body.BodyModel, pelvis: str) -> dict[str, Array]:

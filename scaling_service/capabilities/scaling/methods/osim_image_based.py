@@ -290,7 +290,9 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
-    bend = rigid.rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
+    # As far about the hinge as brings our axis nearest to theirs.
+    turn = np.arctan2(np.cross(ours, theirs) @ hinge, ours @ theirs - (ours @ hinge) * (theirs @ hinge))
+    bend = rigid.rotate_about(hinge, float(turn))
     placed = ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
     found.poses[talus] = placed
     first, _ = find_turning_joints(joint)
@@ -300,11 +302,6 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     off = placed.to_local(np.array(evidence.centres[name])) - centre
     found.move_axis(joint, carried.T @ (off - (off @ axis) * axis), values)
     found.turn(found.model.segment(joint.name), carried.T @ axis, values)
-
-
-def _measure_angle_about(axis: Array, start: Array, end: Array) -> float:
-    """By how much a direction turns about an axis to come nearest to another, rad."""
-    return float(np.arctan2(np.cross(start, end) @ axis, start @ end - (start @ axis) * (end @ axis)))
 
 
 def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> tuple[body.Segment, Array]:

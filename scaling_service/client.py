@@ -13,18 +13,17 @@ Examples
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+import typing
+from collections import abc
 from pathlib import Path
-from typing import Any, Self, TypeVar
 from urllib.parse import quote
 
 import requests
 from pydantic import BaseModel, ValidationError
 
 from scaling_service.core.errors import InputError
-from scaling_service.documents import service
+from scaling_service.documents import reading, service
 from scaling_service.documents.jobs import State
-from scaling_service.documents.reading import check_document, read_content
 
 TIMEOUT_S = 60.0
 """Without a byte for so long, the service is taken for gone. Chosen: event streams speak each 15 s."""
@@ -33,8 +32,8 @@ _BUSY = (429, 503)
 _MOST_WAIT_S = 5.0
 _CHUNK_BYTES = 1 << 20
 
-Model = TypeVar("Model", bound=BaseModel)
-PageModel = TypeVar("PageModel", service.SubjectPage, service.JobPage)
+Model = typing.TypeVar("Model", bound=BaseModel)
+PageModel = typing.TypeVar("PageModel", service.SubjectPage, service.JobPage)
 
 
 class ServiceRefused(InputError):
@@ -66,7 +65,7 @@ class Client:
         if key is not None:
             self._session.headers["Authorization"] = f"Bearer {key}"
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> typing.Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
@@ -78,7 +77,7 @@ class Client:
 
     # Subjects
 
-    def put_subject(self, document: Mapping[str, Any]) -> service.SubjectDetail:
+    def put_subject(self, document: abc.Mapping[str, typing.Any]) -> service.SubjectDetail:
         """Give a subject's document."""
         return _parse(service.SubjectDetail, self._call("POST", "/v1/subjects", json=dict(document)))
 
@@ -92,9 +91,9 @@ class Client:
     def put_subject_file(self, path: str | Path) -> service.SubjectDetail:
         """Give a subject's document, YAML or JSON, and upload the files beside it that it names."""
         file = Path(path)
-        document = read_content(file)
-        check_document(document, file=file)
-        assert isinstance(document, Mapping)  # or it would have been refused
+        document = reading.read_content(file)
+        reading.check_document(document, file=file)
+        assert isinstance(document, abc.Mapping)  # or it would have been refused
         subject = self.put_subject(document).id
         for name in sorted(set(_list_possible_file_names(document))):
             if (file.parent / name).is_file():
@@ -105,7 +104,7 @@ class Client:
         """One subject."""
         return _parse(service.SubjectDetail, self._call("GET", _make_subject_path(subject)))
 
-    def subjects(self) -> Iterator[service.SubjectSummary]:
+    def subjects(self) -> abc.Iterator[service.SubjectSummary]:
         """All subjects, newest first."""
         for page in self._read_pages(service.SubjectPage, "/v1/subjects", {}):
             yield from page.items
@@ -130,13 +129,13 @@ class Client:
         """Label to model marker, as the laboratory has them."""
         return _parse(service.MarkerMapDocument, self._call("GET", "/v1/marker-map")).labels
 
-    def put_marker_map(self, labels: Mapping[str, str]) -> None:
+    def put_marker_map(self, labels: abc.Mapping[str, str]) -> None:
         """Keep which label is which marker, in place of what was kept before."""
         self._call("PUT", "/v1/marker-map", json={"labels": dict(labels)})
 
     # Jobs
 
-    def ask(self, route: str, /, **request: Any) -> service.JobDocument:
+    def ask(self, route: str, /, **request: typing.Any) -> service.JobDocument:
         """Ask for a job; one that was done before comes back done.
 
         The route is such as ``scalings/linear`` or ``comparisons/joint-angles``, the request its body as
@@ -148,12 +147,12 @@ class Client:
         """A job as it is now."""
         return _parse(service.JobDocument, self._call("GET", _make_job_path(job)))
 
-    def jobs(self, **chosen: str) -> Iterator[service.JobDocument]:
+    def jobs(self, **chosen: str) -> abc.Iterator[service.JobDocument]:
         """All jobs, newest first; of one ``state``, ``kind`` or ``subject`` where given."""
         for page in self._read_pages(service.JobPage, "/v1/jobs", chosen):
             yield from page.items
 
-    def events(self, job: service.JobDocument | str) -> Iterator[service.JobDocument]:
+    def events(self, job: service.JobDocument | str) -> abc.Iterator[service.JobDocument]:
         """A job each time that it changes, until it is over; connections that break are made again."""
         return (found for found in self._watch(job) if found is not None)
 
@@ -171,7 +170,7 @@ class Client:
                 raise TimeoutError(f"the job is not over after {timeout_s:g} s")
         return _require_done(self.job(job))
 
-    def _watch(self, job: service.JobDocument | str) -> Iterator[service.JobDocument | None]:
+    def _watch(self, job: service.JobDocument | str) -> abc.Iterator[service.JobDocument | None]:
         """A job each time that it changes, and None where the service only says that it lives."""
         seen = -1
         while True:
@@ -188,9 +187,9 @@ class Client:
             if answer.status_code == 204:
                 return
 
-    def result(self, job: service.JobDocument | str) -> dict[str, Any]:
+    def result(self, job: service.JobDocument | str) -> dict[str, typing.Any]:
         """What a job found."""
-        found: dict[str, Any] = self._call("GET", f"{_make_job_path(job)}/result").json()
+        found: dict[str, typing.Any] = self._call("GET", f"{_make_job_path(job)}/result").json()
         return found
 
     def files(self, job: service.JobDocument | str) -> list[service.FileEntry]:
@@ -201,7 +200,10 @@ class Client:
         """Download all that a job made into a folder."""
         written = []
         for file in self.files(job):
-            target = _require_inside(Path(folder), file.name)
+            target = (Path(folder) / file.name).resolve()
+            if not target.is_relative_to(Path(folder).resolve()):
+                problem = f"the service names a file '{file.name}' outside the folder"
+                raise InputError(problem, remedy="Do not trust it")
             target.parent.mkdir(parents=True, exist_ok=True)
             with (
                 self._answer("GET", f"{_make_job_path(job)}/files/{quote(file.name)}", stream=True) as answer,
@@ -230,20 +232,20 @@ class Client:
         self._call("DELETE", _make_job_path(job))
 
     def _read_pages(
-        self, model: type[PageModel], path: str, chosen: Mapping[str, str]
-    ) -> Iterator[PageModel]:
+        self, model: type[PageModel], path: str, chosen: abc.Mapping[str, str]
+    ) -> abc.Iterator[PageModel]:
         cursor: str | None = ""
         while cursor is not None:
             page = _parse(model, self._call("GET", path, params={**chosen, "cursor": cursor}))
             yield page
             cursor = page.next
 
-    def _call(self, method: str, path: str, **options: Any) -> requests.Response:
+    def _call(self, method: str, path: str, **options: typing.Any) -> requests.Response:
         with self._answer(method, path, **options) as answer:
             _ = answer.content
             return answer
 
-    def _answer(self, method: str, path: str, **options: Any) -> requests.Response:
+    def _answer(self, method: str, path: str, **options: typing.Any) -> requests.Response:
         end = time.monotonic() + self._patience_s
         while True:
             try:
@@ -288,7 +290,7 @@ def _make_job_path(job: service.JobDocument | str) -> str:
     return f"/v1/jobs/{job.id if isinstance(job, service.JobDocument) else quote(job, safe='')}"
 
 
-def _parse_events(answer: requests.Response) -> Iterator[service.JobDocument | None]:
+def _parse_events(answer: requests.Response) -> abc.Iterator[service.JobDocument | None]:
     """The jobs in an event stream, and None for its comments, until it ends or breaks."""
     try:
         for line in answer.iter_lines(chunk_size=1):  # else the last lines wait for more
@@ -309,18 +311,11 @@ def _require_done(job: service.JobDocument) -> service.JobDocument:
     raise JobEnded(failure.problem, file=failure.file, field=failure.field, remedy=failure.remedy)
 
 
-def _require_inside(folder: Path, name: str) -> Path:
-    target = (folder / name).resolve()
-    if not target.is_relative_to(folder.resolve()):
-        raise InputError(f"the service names a file '{name}' outside the folder", remedy="Do not trust it")
-    return target
-
-
-def _list_possible_file_names(content: Any) -> Iterator[str]:
+def _list_possible_file_names(content: typing.Any) -> abc.Iterator[str]:
     """All texts among the values of a document that could be names of files."""
     if isinstance(content, str):
         if content and "/" not in content and "\\" not in content and len(content) <= 255:
             yield content
-    elif isinstance(content, Mapping | list):
-        for value in content.values() if isinstance(content, Mapping) else content:
+    elif isinstance(content, abc.Mapping | list):
+        for value in content.values() if isinstance(content, abc.Mapping) else content:
             yield from _list_possible_file_names(value)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import fits
+from scaling_service.bones import fits, shapes
 from scaling_service.bones.deviations import GRAIN_M
-from scaling_service.bones.shapes import SphereFit, fit_sphere_pair
 from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
@@ -129,7 +128,12 @@ def find_knee(surface: Surface, distal_end: float, rightward: Array | None = Non
     if poor is not None:
         return poor
     knee = Knee(frame=frame, low=low, high=high, cylinder=None, distal=distal)
-    cylinder = _fit_cylinder(surface, knee)
+    on_arc = _weigh_arc(surface.smooth - knee.centre, frame) > 0.5
+    within = (_select_half(surface, frame, -1.0) | _select_half(surface, frame, 1.0)) & on_arc
+    radius = 0.5 * (low.radius + high.radius)
+    cylinder = fits.refine_cylinder(
+        surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within
+    )
     if cylinder is not None and abs(float(cylinder.direction @ knee.axis)) < _APART:
         return f"sphere axis and cylinder axis differ by more than {MOST_APART_DEG:.0f} degrees"
     return Knee(frame=frame, low=low, high=high, cylinder=cylinder, distal=distal)
@@ -155,7 +159,7 @@ def _fit_both_spheres(
     surface: Surface, frame: _Frame
 ) -> tuple[_Frame, fits.SphereOnBone, fits.SphereOnBone] | str:
     """Spheres and their common axis in turn, until both stay."""
-    pair: tuple[SphereFit, SphereFit] | None = None
+    pair: tuple[shapes.SphereFit, shapes.SphereFit] | None = None
     for step in range(_STEPS):
         widening = 1.0 + _WIDE * _CLOSING**step
         halves = [_select_half(surface, frame, sign) for sign in (-1.0, 1.0)]
@@ -175,7 +179,7 @@ def _fit_both_spheres(
         counts = [(weight * surface.areas)[weight > 0] / GRAIN_M**2 for weight in chosen]
         rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
         noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
-        new = fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
+        new = shapes.fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
         settled = max(float(np.linalg.norm(a.centre - b.centre)) for a, b in zip(new, pair, strict=True))
         pair = new
         axis = pair[1].centre - pair[0].centre
@@ -202,7 +206,7 @@ def _fit_both_spheres(
 
 
 def _weigh_vertices(
-    surface: Surface, frame: _Frame, half: NDArray[np.bool_], ball: SphereFit, widening: float
+    surface: Surface, frame: _Frame, half: NDArray[np.bool_], ball: shapes.SphereFit, widening: float
 ) -> Array:
     """Weight of every vertex: on the arc, facing across the axis, near the sphere; all with soft limits."""
     weight = np.zeros(len(surface.points))
@@ -249,17 +253,9 @@ def _select_half(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.boo
     return chosen
 
 
-def _guess_sphere(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> SphereFit:
+def _guess_sphere(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> shapes.SphereFit:
     """A sphere inside the most posterior point of a condyle; a radius of a quarter of the width is usual."""
     candidates = np.flatnonzero(half)
     rear = surface.smooth[candidates[int(np.argmin(surface.smooth[candidates] @ frame.x))]]
     radius = 0.25 * frame.width
-    return SphereFit(rear + radius * frame.x, radius, _FIRST_NOISE_M, converged=True)
-
-
-def _fit_cylinder(surface: Surface, knee: Knee) -> fits.CylinderOnBone | None:
-    frame = knee.frame
-    on_arc = _weigh_arc(surface.smooth - knee.centre, frame) > 0.5
-    within = (_select_half(surface, frame, -1.0) | _select_half(surface, frame, 1.0)) & on_arc
-    radius = 0.5 * (knee.low.radius + knee.high.radius)
-    return fits.refine_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)
+    return shapes.SphereFit(rear + radius * frame.x, radius, _FIRST_NOISE_M, converged=True)

@@ -9,8 +9,8 @@ times such a deviation holds 95 % (1.61 in space, 1.73 of an axis).
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,14 @@ TURN = float(np.deg2rad(5.0))
 _ACROSS = float(np.sqrt(2.0 / 3.0))  # share of a distance in space that lies across a line
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Tip:
     """Where a part of a bone reaches furthest: see :func:`scaling_service.bones.fits.find_tip`."""
 
     surface: Surface
     direction: Array  # (3,), unit
     within: Mask  # (n,)
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     depth: float = fits.BLUNT_M  # m
     turn: float = TURN  # rad; standard deviation of the direction about each axis across it
 
@@ -48,14 +48,11 @@ class Tip:
         """By the direction and the mesh, m: how far the tip goes when the direction turns by a deviation."""
         here, total = self.find(), 0.0
         for across in span_plane(self.direction):
-            moved = [self._turn(sign * across) - here for sign in (-1.0, 1.0)]
-            total += float(np.mean([way @ way for way in moved]))
+            ways = (np.cos(self.turn) * self.direction + k * np.sin(self.turn) * across for k in (-1.0, 1.0))
+            tips = [fits.find_tip(self.surface, each, self.within, self.depth) for each in ways]
+            total += float(np.mean([(tip - here) @ (tip - here) for tip in tips]))
         hole = 0.5 * self.surface.rims.measure_near(here)
         return float(np.sqrt(total + hole**2 + measure_mesh_error(self.surface, fits.WINDOW_M) ** 2))
-
-    def _turn(self, across: Array) -> Array:
-        turned = np.cos(self.turn) * self.direction + np.sin(self.turn) * across
-        return fits.find_tip(self.surface, turned, self.within, self.depth)
 
 
 def measure_mesh_error(surface: Surface, radius: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,12 @@ HOLE_M = 0.02  # chosen: a wider gap than a hole of the segmentation, narrower t
 NEAR_M = 0.010  # chosen: edges of triangles and a blunt tip's size
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Rims:
     """Vertices on edges that have one face only: ``points`` (n, 3), ``widths`` (n,) of their gaps, m."""
 
-    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    widths: Array = field(default_factory=lambda: np.zeros(0))
+    points: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 3)))
+    widths: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     def measure_near(self, point: Array) -> float:
         """Width of the widest gap beside a point, m; 0 without any."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import fits, pieces, results
-from scaling_service.bones.condyles import Knee, find_knee
-from scaling_service.bones.cuts import find_cut_plane, is_cut
+from scaling_service.bones import condyles, cuts, fits, pieces, results
 from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
 from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.surface import Surface, prepare
@@ -74,7 +72,7 @@ def find_femur_landmarks(
             head, refused["hip_centre"] = None, "the surface is cut off below the hip"
     if knee is None:
         refused["knee_centre"] = reason
-    elif head is None and not is_cut(surface, knee.frame.y) and _widens_distally(surface, knee):
+    elif head is None and not cuts.is_cut(surface, knee.frame.y) and _widens_distally(surface, knee):
         knee = None
         refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
     if head is None and knee is None:
@@ -91,7 +89,7 @@ def _stand_piece(surface: Surface) -> tuple[Surface, bool]:
     size = np.ptp(surface.points, axis=0)
     if size[0] > _ELONGATED * float(size[1:].max()) or size[0] < _SHORTEST_M:
         return surface, False
-    normal = find_cut_plane(surface)
+    normal = cuts.find_cut_plane(surface)
     return (surface, False) if normal is None else (surface.turn(normal), True)
 
 
@@ -111,7 +109,7 @@ def _find_on_ends(
     upper = np.sign(surface.smooth[:, 0]) == np.sign(head.centre[0])
     medial = (head.centre - surface.middle(upper)) * (0.0, 1.0, 1.0)
     rightward = -medial if named_side == "r" else medial
-    found = find_knee(surface, -float(np.sign(head.centre[0])), rightward)
+    found = condyles.find_knee(surface, -float(np.sign(head.centre[0])), rightward)
     if isinstance(found, str):
         refused["knee_centre"] = found
     knee = None if isinstance(found, str) else found
@@ -119,17 +117,17 @@ def _find_on_ends(
     return _collect(surface, head, knee, (named_side, "name"), refused, notes)
 
 
-def _find_knee_end(surface: Surface, head: fits.SphereOnBone | None) -> tuple[Knee | None, str]:
+def _find_knee_end(surface: Surface, head: fits.SphereOnBone | None) -> tuple[condyles.Knee | None, str]:
     """The knee at the end without the head (at either without one), or why there is none."""
     ends = [1.0, -1.0] if head is None else [-float(np.sign(head.centre[0]))]
-    tried = [find_knee(surface, end) for end in ends]
+    tried = [condyles.find_knee(surface, end) for end in ends]
     found = [knee for knee in tried if not isinstance(knee, str)]
     if found:
         return max(found, key=lambda knee: knee.least_covered), ""
     return None, next(reason for reason in tried if isinstance(reason, str))
 
 
-def _widens_distally(surface: Surface, knee: Knee) -> bool:
+def _widens_distally(surface: Surface, knee: condyles.Knee) -> bool:
     """Whether the far end is wider than the shaft: a femur without its head is cut through the shaft."""
     height = knee.frame.height / float(knee.frame.height.max())
     widths = []
@@ -140,7 +138,7 @@ def _widens_distally(surface: Surface, knee: Knee) -> bool:
 
 
 def _tell_side(
-    surface: Surface, head: fits.SphereOnBone | None, knee: Knee | None, named: results.Side | None
+    surface: Surface, head: fits.SphereOnBone | None, knee: condyles.Knee | None, named: results.Side | None
 ) -> tuple[results.Side, str]:
     """The head lies medial of the shaft; a bone without one of its ends is what it is called."""
     if head is None or knee is None:
@@ -167,7 +165,7 @@ def _tell_side(
 def _collect(
     surface: Surface,
     head: fits.SphereOnBone | None,
-    knee: Knee | None,
+    knee: condyles.Knee | None,
     side: tuple[results.Side, str],
     refused: dict[str, str],
     notes: list[str],
@@ -231,7 +229,7 @@ def _collect(
     )
 
 
-def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, results.Cylinder]) -> list[str]:
+def _note_axes(surface: Surface, knee: condyles.Knee, cylinders: dict[str, results.Cylinder]) -> list[str]:
     """Adds the cylinder; says where the two axes differ."""
     found = knee.cylinder
     if found is None:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import shapes
-from scaling_service.bones.results import Quality, Sphere
+from scaling_service.bones import results, shapes
 from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
@@ -71,9 +70,9 @@ class SphereOnBone:
     support: Array  # (n,); weight of every vertex, 0 to 1
 
 
-def place_sphere(surface: Surface, ball: SphereOnBone) -> Sphere:
+def place_sphere(surface: Surface, ball: SphereOnBone) -> results.Sphere:
     """The sphere in the image."""
-    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered))
+    return results.Sphere(surface.to_image(ball.centre), ball.radius, results.Quality(ball.rms, ball.covered))
 
 
 def find_spheres(surface: Surface, radii: tuple[float, float], *, hollow: bool = False) -> list[SphereOnBone]:

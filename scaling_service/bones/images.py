@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.mesh import compute_vertex_areas, label_pieces, merge_vertices
-from scaling_service.bones.results import BoneLandmarks, MeshRefused
+from scaling_service.bones import mesh as bones_mesh
+from scaling_service.bones import results, whole
 from scaling_service.bones.surface import STRAY_SHARE
-from scaling_service.bones.whole import UNITS, find_unit
-from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core import errors
+from scaling_service.files import mesh as files_mesh
 from scaling_service.files import segmentation
-from scaling_service.files.mesh import FINE_FACES, Mesh, read_mesh
 from scaling_service.numerics.multibody.laws import Array
 
 Arrays = tuple[Array, NDArray[np.intp]]
@@ -50,16 +49,16 @@ class ImagedBones:
     rounding to voxels leaves open, in space, m. ``passed_over``: labels that are no bone of ours.
     """
 
-    meshes: Mapping[str, Arrays]
+    meshes: abc.Mapping[str, Arrays]
     unit: str = "mm"  # of the surfaces' files
     voxel: float = 0.0
     passed_over: tuple[str, ...] = ()
-    thinned: Mapping[str, int] = field(default_factory=dict)  # bones to the faces in their files
+    thinned: abc.Mapping[str, int] = field(default_factory=dict)  # bones to the faces in their files
 
     def tell(self) -> tuple[str, ...]:
         """Which surfaces were thinned, and which labels were passed over."""
         thinned = tuple(
-            f"{name}: of {count:,} faces in the file about {FINE_FACES:,} were used"
+            f"{name}: of {count:,} faces in the file about {files_mesh.FINE_FACES:,} were used"
             for name, count in self.thinned.items()
         )
         if not self.passed_over:
@@ -67,7 +66,7 @@ class ImagedBones:
         some = ", ".join(self.passed_over[:_TOLD]) + (" …" if len(self.passed_over) > _TOLD else "")
         return (*thinned, f"segmentation: no bone of ours, or without its tibia: {some}")
 
-    def widen(self, found: Mapping[str, BoneLandmarks]) -> dict[str, BoneLandmarks]:
+    def widen(self, found: abc.Mapping[str, results.BoneLandmarks]) -> dict[str, results.BoneLandmarks]:
         """Landmarks with deviations that hold the voxel size."""
         return {
             name: replace(
@@ -77,7 +76,7 @@ class ImagedBones:
         }
 
 
-def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBones:
+def read_bones(paths: abc.Mapping[str, Path], unit: str | None = None) -> ImagedBones:
     """Bones from a file each, or from a segmentation.
 
     ``paths``: bone to file, or ``segmentation`` to a label map or a folder of masks or surfaces. ``unit``: of
@@ -94,7 +93,7 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     if SEGMENTATION in paths:
         path = paths[SEGMENTATION]
         if not path.exists() or not segmentation.is_segmentation(path):
-            raise FileUnreadable(
+            raise errors.FileUnreadable(
                 "it is no segmentation",
                 file=path,
                 field=SEGMENTATION,
@@ -110,9 +109,9 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
         else:
             loose = told | loose
     if unit is None and loose:
-        unit = find_unit({name: float(np.ptp(v, axis=0).max()) for name, (v, _) in loose.items()})
+        unit = whole.find_unit({name: float(np.ptp(v, axis=0).max()) for name, (v, _) in loose.items()})
     unit = unit or "mm"
-    scaled = {name: merge_vertices(UNITS[unit] * v, f) for name, (v, f) in loose.items()}
+    scaled = {name: bones_mesh.merge_vertices(whole.UNITS[unit] * v, f) for name, (v, f) in loose.items()}
     return ImagedBones(
         meshes=measured | scaled,
         unit=unit,
@@ -122,10 +121,10 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     )
 
 
-def _read(name: str, path: Path) -> Mesh:
+def _read(name: str, path: Path) -> files_mesh.Mesh:
     try:
-        return read_mesh(path)
-    except InputError as error:
+        return files_mesh.read_mesh(path)
+    except errors.InputError as error:
         raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
 
 
@@ -135,7 +134,7 @@ def list_files_of(path: Path) -> list[Path]:
 
 
 def assemble(
-    labels: Mapping[str, Arrays], rightward: Array | None = None
+    labels: abc.Mapping[str, Arrays], rightward: Array | None = None
 ) -> tuple[dict[str, Arrays], tuple[str, ...]]:
     """Bones under their names, both hip bones and each tibia with its fibula in one; and labels passed over.
 
@@ -162,7 +161,7 @@ def assemble(
         elif fibula:
             left_over.append(f"fibula_{side}")
     if not parts:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"none of its labels is a bone of pelvis or leg ({', '.join(sorted(labels)[:8])})",
             field=SEGMENTATION,
             remedy="Name them hip_left, femur_right, tibia_r, fibula_r, talus_r …",
@@ -189,18 +188,18 @@ def _part_sides(
     label: str,
     mesh: Arrays,
     rightward: Array | None,
-    labels: Mapping[str, Arrays],
-) -> Iterator[tuple[str, Arrays]]:
+    labels: abc.Mapping[str, Arrays],
+) -> abc.Iterator[tuple[str, Arrays]]:
     """Pieces of a label by side: on which side of the middle of all bones they lie."""
     if rightward is None:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"the label '{label}' does not say its side",
             field=SEGMENTATION,
             remedy=f"Name it {label}_r or {label}_l, or give the label map, whose axes tell",
         )
-    vertices, faces = merge_vertices(*mesh)
-    piece = label_pieces(len(vertices), faces)
-    areas = np.bincount(piece, weights=compute_vertex_areas(vertices, faces))
+    vertices, faces = bones_mesh.merge_vertices(*mesh)
+    piece = bones_mesh.label_pieces(len(vertices), faces)
+    areas = np.bincount(piece, weights=bones_mesh.compute_vertex_areas(vertices, faces))
     large = np.flatnonzero(areas > STRAY_SHARE * areas.max())
     middles = {k: float((vertices[piece == k] @ rightward).mean()) for k in large}
     if max(middles.values()) - min(middles.values()) > _TWO_LEGS_M:
@@ -209,7 +208,7 @@ def _part_sides(
         ends = [other[0] @ rightward for other in labels.values()]
         centre = 0.5 * (max(float(x.max()) for x in ends) + min(float(x.min()) for x in ends))
         if abs(float(np.mean(list(middles.values()))) - centre) < _ASIDE_M:
-            raise MeshRefused(
+            raise results.MeshRefused(
                 f"the label '{label}' does not say its side, nor does its place",
                 field=SEGMENTATION,
                 remedy=f"Name it {label}_r or {label}_l",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import abc
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import constellation, fits
-from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
+from scaling_service.bones import constellation, fits, results
+from scaling_service.bones import deviations as bones_deviations
+from scaling_service.bones import surface as surfaces
 from scaling_service.bones.edges import refuse_cut
-from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.shapes import span_plane
-from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -84,7 +83,7 @@ class _Frame:
     half: float
 
 
-def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLandmarks:
+def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> results.BoneLandmarks:
     """Landmarks of both hip bones of unknown orientation.
 
     ``vertices``: (n, 3), m. ``faces`` (m, 3): one piece or several; a sacrum may be among them. Returns
@@ -97,17 +96,17 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     (:mod:`scaling_service.bones.constellation`). ASIS and PSIS are the foremost and rearmost points of the
     ilia once they stand level with each other.
     """
-    surface = prepare(vertices, faces)
+    surface = surfaces.prepare(vertices, faces)
     size = float(np.ptp(surface.points, axis=0).max())
     if not _SIZE_M[0] <= size <= _SIZE_M[1]:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"it is {1e3 * size:.4g} mm wide; both hip bones have "
             f"{1e3 * _SIZE_M[0]:.0f}-{1e3 * _SIZE_M[1]:.0f} mm",
             remedy="Check the unit (mm or m), and that both hip bones are in the surface",
         )
     pose = _choose_pose(surface)
     sockets = dict(zip(_SOCKETS, (pose.right, pose.left), strict=True))
-    off = {name: deviate_sphere(surface, ball) for name, ball in sockets.items()}
+    off = {name: bones_deviations.deviate_sphere(surface, ball) for name, ball in sockets.items()}
     surface, pieces = _leave_sacrum(surface, pose)
     frame = _touch_plane(surface, pose.frame)
     points = {name: ball.centre for name, ball in sockets.items()}
@@ -120,9 +119,9 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         near = np.linalg.norm(surface.smooth - spines[f"asis_{side}"], axis=1) < _SPINE_M
         rear = regions.beside_sacrum if sacrum else regions.rear
         corner = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
-        tips[f"asis_{side}"] = Tip(surface, level.x, near & regions.ilium)
-        tips[f"psis_{side}"] = Tip(surface, -level.x, rear)
-        tips[f"pubic_tubercle_{side}"] = Tip(surface, corner, regions.pubis)
+        tips[f"asis_{side}"] = bones_deviations.Tip(surface, level.x, near & regions.ilium)
+        tips[f"psis_{side}"] = bones_deviations.Tip(surface, -level.x, rear)
+        tips[f"pubic_tubercle_{side}"] = bones_deviations.Tip(surface, corner, regions.pubis)
     found = {name: tip.find() for name, tip in tips.items()}
     refused = _refuse_uneven(found, frame) | refuse_cut(found, surface.rims)
     points |= found
@@ -137,9 +136,9 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         across = points["asis_r"] - points["asis_l"]
         width = float(np.linalg.norm(across))
         axes["asis"] = surface.turn_to_image(across / width)
-        turned["asis"] = deviate_line(width, off["asis_r"], off["asis_l"])
-    deviations, axis_deviations = add_definitions(off, turned)
-    return BoneLandmarks(
+        turned["asis"] = bones_deviations.deviate_line(width, off["asis_r"], off["asis_l"])
+    deviations, axis_deviations = bones_deviations.add_definitions(off, turned)
+    return results.BoneLandmarks(
         bone="pelvis",
         side=None,
         side_from="shape",
@@ -165,7 +164,7 @@ class _Pose:
     odds: float
 
 
-def _choose_pose(surface: Surface) -> _Pose:
+def _choose_pose(surface: surfaces.Surface) -> _Pose:
     """The likeliest of all poses of all pairs of sockets; see :func:`find_pelvis_landmarks`."""
     some = surface.part(np.arange(len(surface.points)) % max(1, len(surface.points) // _COARSE) == 0)
     found: list[tuple[float, _Frame, fits.SphereOnBone, fits.SphereOnBone]] = []
@@ -176,7 +175,7 @@ def _choose_pose(surface: Surface) -> _Pose:
                 try:
                     frame = _touch_plane(some, _start_frame(left, right, angle), find=_find_vertex)
                     spines, _ = _level_spines(some, frame, _holds_sacrum(some, frame), find=_find_vertex)
-                except MeshRefused as error:
+                except results.MeshRefused as error:
                     why = error.problem
                     continue
                 places = spines | {"acetabulum_r": right.centre, "acetabulum_l": left.centre}
@@ -185,19 +184,19 @@ def _choose_pose(surface: Surface) -> _Pose:
                 )
                 found.append((unlike, frame, right, left))
     if not found:
-        raise MeshRefused(why, remedy="Give whole hip bones, not deformed")
+        raise results.MeshRefused(why, remedy="Give whole hip bones, not deformed")
     best, frame, right, left = min(found, key=lambda one: one[0])
     rivals = [unlike for unlike, other, *_ in found if min(other.x @ frame.x, other.z @ frame.z) < _APART]
     odds = 0.5 * (min(rivals, default=constellation.MOST_UNLIKE) - best) / np.log(10.0)
     if odds < _SURE:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"two ways in which it may lie are nearly as likely (odds of {10**odds:.0f} to 1)",
             remedy="Give whole hip bones, not deformed",
         )
     return _Pose(frame=frame, right=right, left=left, odds=float(odds))
 
 
-def _pair_sockets(surface: Surface) -> list[tuple[fits.SphereOnBone, fits.SphereOnBone]]:
+def _pair_sockets(surface: surfaces.Surface) -> list[tuple[fits.SphereOnBone, fits.SphereOnBone]]:
     """Pairs of hollow spheres of equal size at a pelvis's distance."""
     found = [
         s for s in fits.find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED
@@ -209,7 +208,7 @@ def _pair_sockets(surface: Surface) -> list[tuple[fits.SphereOnBone, fits.Sphere
         and max(a.radius, b.radius) <= ALIKE * min(a.radius, b.radius)
     ]
     if not pairs:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"{len(found)} hollow spheres of a socket's size were found, but no pair of hip sockets",
             remedy="Give the surface of both hip bones, with or without the sacrum",
         )
@@ -227,7 +226,7 @@ def _start_frame(left: fits.SphereOnBone, right: fits.SphereOnBone, angle: float
     return _Frame(x=x, y=np.cross(z, x), z=z, middle=middle, half=half)
 
 
-def _leave_sacrum(surface: Surface, pose: _Pose) -> tuple[Surface, list[str]]:
+def _leave_sacrum(surface: surfaces.Surface, pose: _Pose) -> tuple[surfaces.Surface, list[str]]:
     """Without pieces behind the sockets that hold none of them and lie on both sides of the middle."""
     frame, kept, notes = pose.frame, np.ones(len(surface.points), dtype=bool), []
     sockets = (pose.right.support > 0) | (pose.left.support > 0)
@@ -244,16 +243,16 @@ def _leave_sacrum(surface: Surface, pose: _Pose) -> tuple[Surface, list[str]]:
     return (surface.part(kept), notes) if notes else (surface, [])
 
 
-_Finder = Callable[[Surface, Array, Mask], Array]
+_Finder = abc.Callable[[surfaces.Surface, Array, Mask], Array]
 
 
-def _find_vertex(surface: Surface, direction: Array, within: Mask) -> Array:
+def _find_vertex(surface: surfaces.Surface, direction: Array, within: Mask) -> Array:
     """The furthest vertex; see :func:`find_tip`, which is slower and truer."""
     points = surface.smooth[within]
     return np.asarray(points[int(np.argmax(points @ direction))])
 
 
-def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = fits.find_tip) -> _Frame:
+def _touch_plane(surface: surfaces.Surface, frame: _Frame, find: _Finder = fits.find_tip) -> _Frame:
     """Turned until the plane touches the tips of spines and pubis, which single vertices do not move."""
     for _ in range(_TURNS):
         tips: dict[str, Array] = {}
@@ -265,7 +264,7 @@ def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = fits.find_tip)
 
 
 def _level_spines(
-    surface: Surface, frame: _Frame, sacrum: bool, find: _Finder = fits.find_tip
+    surface: surfaces.Surface, frame: _Frame, sacrum: bool, find: _Finder = fits.find_tip
 ) -> tuple[dict[str, Array], _Frame]:
     """Where the plane touches the pubis, ASIS and PSIS once they stand level, and the frame that does."""
     touching: dict[str, Array] = {}
@@ -286,14 +285,14 @@ def _level_spines(
     return spines, level
 
 
-def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:
+def _holds_sacrum(surface: surfaces.Surface, frame: _Frame) -> bool:
     """Whether there is bone in the middle behind the sockets."""
     offset = (surface.smooth - frame.middle) / frame.half
     behind = (np.abs(offset @ frame.z) < _SACRUM_OUT) & (offset @ frame.x < -_BEHIND)
     return float(surface.areas[behind].sum()) > _SACRUM_SHARE * float(surface.areas.sum())
 
 
-def _list_doubts(points: dict[str, Array], sacrum: bool) -> Iterator[str]:
+def _list_doubts(points: dict[str, Array], sacrum: bool) -> abc.Iterator[str]:
     """What may be wrong with points: how people's pelves are built, and the sacrum."""
     whole = all(f"{name}_{side}" in points for name in ("asis", "psis", "pubic_tubercle") for side in "rl")
     unlike = constellation.measure_unlikeness(points) if whole else 0.0
@@ -316,7 +315,7 @@ def _turn_forward(frame: _Frame, forward: Array) -> _Frame:
 
 
 def _find_plane_tips(
-    surface: Surface, frame: _Frame, side: str, sign: float, find: _Finder
+    surface: surfaces.Surface, frame: _Frame, side: str, sign: float, find: _Finder
 ) -> dict[str, Array]:
     """Where the anterior pelvic plane touches one side."""
     regions = _select_regions(surface, frame, sign)
@@ -335,7 +334,7 @@ class _Regions(NamedTuple):
     beside_sacrum: Mask
 
 
-def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
+def _select_regions(surface: surfaces.Surface, frame: _Frame, sign: float) -> _Regions:
     """By places outwards, up and ahead of the middle of the sockets, as shares of half their distance."""
     offset = (surface.smooth - frame.middle) / frame.half
     out, height, ahead = sign * (offset @ frame.z), offset @ frame.y, offset @ frame.x
@@ -348,10 +347,10 @@ def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
 
 
 def _find_furthest(
-    surface: Surface, direction: Array, within: Mask, name: str, find: _Finder = fits.find_tip
+    surface: surfaces.Surface, direction: Array, within: Mask, name: str, find: _Finder = fits.find_tip
 ) -> Array:
     if int(within.sum()) < 10:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"the part that holds the {name} is not in the surface", remedy="Give whole hip bones"
         )
     return find(surface, direction, within)
@@ -370,7 +369,7 @@ def _refuse_uneven(points: dict[str, Array], frame: _Frame) -> dict[str, str]:
             continue
         why = f"both {name.upper()} stand unevenly by {1e3 * max(uneven):.0f} mm"
         if name == "asis":
-            raise MeshRefused(why, remedy="Give whole hip bones, not deformed")
+            raise results.MeshRefused(why, remedy="Give whole hip bones, not deformed")
         for side, _ in _SIDES:
             points.pop(f"{name}_{side}")
             refused[f"{name}_{side}"] = why

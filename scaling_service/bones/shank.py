@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cuts import find_cut_plane, is_cut
+from scaling_service.bones import cuts
 from scaling_service.bones.pieces import Shank
 from scaling_service.bones.results import MeshRefused, Side
 from scaling_service.bones.surface import Surface
@@ -58,7 +58,7 @@ def find_shank_pose(shank: Shank, named: Side | None) -> ShankPose:
     """
     tibia, fibula = shank.tibia, shank.fibula
     axis = _find_shaft(tibia, fibula)
-    cut = {sign: is_cut(tibia, sign * axis) for sign in (-1.0, 1.0)}
+    cut = {sign: cuts.is_cut(tibia, sign * axis) for sign in (-1.0, 1.0)}
     if all(cut.values()):
         raise MeshRefused(
             "both of its ends are cut off: a shaft has no landmarks",
@@ -92,7 +92,7 @@ def _find_shaft(tibia: Surface, fibula: Surface | None) -> Array:
     thickness = 2.0 * float(np.linalg.norm(across - across.mean(axis=0), axis=1).max())
     if float(np.ptp(tibia.smooth @ own)) > _ELONGATED * thickness:
         return own
-    thin, normal = fibula.widest_direction(), find_cut_plane(tibia)
+    thin, normal = fibula.widest_direction(), cuts.find_cut_plane(tibia)
     if normal is None:
         return thin
     both = normal + thin * np.sign(thin @ normal)
@@ -148,7 +148,8 @@ def _look_from_plateau(
         )
     if fibula is not None:
         head = _find_middle_of_end(fibula, up, 1.0)
-        side, side_from = _name_side(float((head - middle) @ wide) > 0), "shape"
+        shown: Side = "r" if float((head - middle) @ wide) > 0 else "l"
+        side, side_from = shown, "shape"
     elif named is not None:
         side, side_from = named, "name"
     else:
@@ -188,10 +189,6 @@ def _look_from_ankle(tibia: Surface, fibula: Surface | None, up: Array, named: S
     return ShankPose(
         x=np.cross(up, right), y=up, z=right, height=height, plateau=None, side=named, side_from="name"
     )
-
-
-def _name_side(right: bool) -> Side:
-    return "r" if right else "l"
 
 
 def _measure_behind(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahead: Array) -> float:

@@ -138,7 +138,7 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
     points, w = _check(points, weights, least=5)
     centroid = w @ points
     a = _normalise(np.asarray(direction, dtype=float))
-    radial = _span_plane_of(points - point, a)
+    radial = points - point - ((points - point) @ a)[:, None] * a
     x = np.concatenate([point, a, [w @ np.linalg.norm(radial, axis=1)]]).astype(float)
 
     def linearise(x: Array) -> tuple[Array, Array]:
@@ -236,11 +236,6 @@ def _check(points: Array, weights: Array | None, least: int) -> tuple[Array, Arr
         raise ValueError(f"at least {least} points with a weight are needed, and no negative weight")
     kept = w > 0
     return points[kept], w[kept] / w.sum()
-
-
-def _span_plane_of(offset: Array, a: Array) -> Array:
-    radial: Array = offset - (offset @ a)[:, None] * a
-    return radial
 
 
 def _normalise(v: Array) -> Array:

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from scaling_service.bones import fits, posterior_sphere, results
+from scaling_service.bones import fits, posterior_sphere, results, shapes
+from scaling_service.bones import surface as surfaces
 from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line
 from scaling_service.bones.pieces import require_one_bone
-from scaling_service.bones.shapes import span_plane, spread_directions
-from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
 
 Array = NDArray[np.float64]
@@ -72,7 +71,7 @@ def find_talus_landmarks(
     The subtalar axis runs through the centres of spheres on the talonavicular and the posterior talocalcaneal
     facet (Parr et al. 2012, J Biomech 45:1103-1107; Montefiori et al. 2019, J Biomech 85:27-36).
     """
-    surface, notes = require_one_bone(prepare(vertices, faces), "talus")
+    surface, notes = require_one_bone(surfaces.prepare(vertices, faces), "talus")
     length = float(np.ptp(surface.points[:, 0]))
     if not SIZE_M[0] <= length <= SIZE_M[1]:
         raise results.MeshRefused(
@@ -134,7 +133,7 @@ def find_talus_landmarks(
     )
 
 
-def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
+def _require_mortise(surface: surfaces.Surface, tibia: TibiaFrame) -> None:
     """Raises MeshRefused: tibia and fibula do not hold it, as they do a talus and no other bone."""
     gap = np.asarray(cKDTree(tibia.surface).query(surface.to_image(surface.smooth))[0])
     held = float(surface.areas[gap < _GAP_M].sum() / surface.areas.sum())
@@ -148,7 +147,7 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
 
 
 def _find_subtalar_spheres(
-    surface: Surface, ankle: Array, lateral: Array, up: Array, radius: float
+    surface: surfaces.Surface, ankle: Array, lateral: Array, up: Array, radius: float
 ) -> tuple[posterior_sphere.LikelySphere | None, posterior_sphere.LikelySphere | None]:
     """Its head, and the hollow behind the ankle's axis that sits on the heel bone.
 
@@ -200,10 +199,10 @@ def _find_subtalar_spheres(
     return head, posterior_sphere.average_spheres(behind, facet.centre, place, hollow=True)
 
 
-def _find_trochlea(surface: Surface, up: Array, right: Array) -> fits.CylinderOnBone:
+def _find_trochlea(surface: surfaces.Surface, up: Array, right: Array) -> fits.CylinderOnBone:
     """The convex cylinder that carries most of the surface, among those that face the tibia."""
     facing = surface.normals @ up > 0.2
-    directions = spread_directions(_DIRECTIONS)
+    directions = shapes.spread_directions(_DIRECTIONS)
     directions = directions[np.abs(directions @ up) < 0.5]
     directions = directions[np.abs(directions @ right) > 0.5]
     guesses = sorted((_vote_for_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
@@ -227,11 +226,11 @@ def _find_trochlea(surface: Surface, up: Array, right: Array) -> fits.CylinderOn
 
 
 def _vote_for_circle(
-    surface: Surface, facing: NDArray[np.bool_], direction: Array
+    surface: surfaces.Surface, facing: NDArray[np.bool_], direction: Array
 ) -> tuple[float, Array, Array, float]:
     """Votes for the best circle seen along a direction: share of it, a point on its axis, radius."""
     chosen = facing & (np.abs(surface.normals @ direction) < _RIDGE)
-    first, second = span_plane(direction)
+    first, second = shapes.span_plane(direction)
     plane = np.stack([first, second])
     points, normals = surface.smooth[chosen] @ plane.T, surface.normals[chosen] @ plane.T
     areas = surface.areas[chosen]

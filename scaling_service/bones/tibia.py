@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import pieces, results
+from scaling_service.bones import femur, pieces, results
+from scaling_service.bones import surface as surfaces
 from scaling_service.bones.cuts import is_cut
 from scaling_service.bones.deviations import TURN, Tip, add_definitions
 from scaling_service.bones.edges import refuse_cut
-from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
 from scaling_service.bones.fits import SHARP_M, find_spheres
 from scaling_service.bones.shank import ShankPose, find_shank_pose, measure_width
-from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 
@@ -72,7 +71,7 @@ def find_tibia_landmarks(
     the malleoli, ``fibula_head``, ``plateau_medial`` and ``plateau_lateral``; what is cut off is refused.
     Raises MeshRefused: it is no tibia, or holds a second one.
     """
-    surface = prepare(vertices, faces)
+    surface = surfaces.prepare(vertices, faces)
     shank = pieces.separate_fibula(surface)
     tibia, fibula = shank.tibia, shank.fibula
     pieces.require_shank(shank)
@@ -131,7 +130,7 @@ def find_tibia_landmarks(
     return landmarks, TibiaFrame(x, y, z, surface.to_image(surface.smooth))
 
 
-def _find_cut(tibia: Surface, pose: ShankPose) -> str | None:
+def _find_cut(tibia: surfaces.Surface, pose: ShankPose) -> str | None:
     """Why the distal end is no ankle: it is cut, does not flare, or no malleolus stands below the rest."""
     height, total = pose.height, float(pose.height.max())
     if is_cut(tibia, -pose.y):
@@ -151,10 +150,10 @@ def _find_cut(tibia: Surface, pose: ShankPose) -> str | None:
     return None
 
 
-def _refuse_femur(tibia: Surface) -> None:
+def _refuse_femur(tibia: surfaces.Surface) -> None:
     """A bone without fibula that bears a femoral head is a femur."""
-    balls = find_spheres(tibia, HEAD_RADII_M)
-    if balls and balls[0].covered >= HEAD_COVERED:
+    balls = find_spheres(tibia, femur.HEAD_RADII_M)
+    if balls and balls[0].covered >= femur.HEAD_COVERED:
         raise results.MeshRefused(
             f"it bears a ball that covers {balls[0].covered:.2f} of its sphere, as a femur's head",
             remedy="Give the surface of a tibia, with or without its fibula",

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones import results
+from scaling_service.bones import tibia as tibias
 from scaling_service.bones.femur import find_femur_landmarks
 from scaling_service.bones.pelvis import find_pelvis_landmarks
 from scaling_service.bones.talus import find_talus_landmarks
-from scaling_service.bones.tibia import TibiaFrame, find_tibia_landmarks
+from scaling_service.model import trial as trials
 from scaling_service.model.body import Vector
-from scaling_service.model.trial import Bone, ImageEvidence
 
 Mesh = tuple[results.Array, NDArray[np.integer]]
 
@@ -80,10 +80,11 @@ def find_unit(extents: Mapping[str, float]) -> str:
     >>> find_unit({"femur_r": 445.0, "talus_r": 61.0})
     'mm'
     """
+    usual = [(*SIZE_M[name.split("_")[0]], extent) for name, extent in extents.items()]
     fitting = [
         unit
         for unit, metres in UNITS.items()
-        if all(_has_size(name, extent * metres) for name, extent in extents.items())
+        if all(low <= extent * metres <= high for low, high, extent in usual)
     ]
     if fitting:
         return fitting[0]
@@ -107,7 +108,7 @@ def find_landmarks(
     Raises MeshRefused: with the bone's name as ``field``.
     """
     found: dict[str, results.BoneLandmarks] = {}
-    frames: dict[str, TibiaFrame] = {}
+    frames: dict[str, tibias.TibiaFrame] = {}
     for name in [bone for bone in BONES if bone in bones]:
         if progress is not None:
             progress(name)
@@ -122,12 +123,7 @@ def find_landmarks(
     return found
 
 
-def _has_size(name: str, extent_m: float) -> bool:
-    low, high = SIZE_M[name.split("_")[0]]
-    return low <= extent_m <= high
-
-
-def _find_one(name: str, mesh: Mesh, frames: dict[str, TibiaFrame]) -> results.BoneLandmarks:
+def _find_one(name: str, mesh: Mesh, frames: dict[str, tibias.TibiaFrame]) -> results.BoneLandmarks:
     vertices, faces = mesh
     if name == "pelvis":
         return find_pelvis_landmarks(vertices, faces)
@@ -136,7 +132,7 @@ def _find_one(name: str, mesh: Mesh, frames: dict[str, TibiaFrame]) -> results.B
     if kind == "femur":
         return _require_side(name, find_femur_landmarks(vertices, faces, named_side=named))
     if kind == "tibia":
-        landmarks, frames[side] = find_tibia_landmarks(vertices, faces, named_side=named)
+        landmarks, frames[side] = tibias.find_tibia_landmarks(vertices, faces, named_side=named)
         return _require_side(name, landmarks)
     if side not in frames:
         raise results.MeshRefused(
@@ -328,8 +324,8 @@ def check_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
 def collect_evidence(
     found: Mapping[str, results.BoneLandmarks],
     markers: Mapping[str, tuple[str, Vector]],
-    bones: Mapping[str, Bone],
-) -> ImageEvidence:
+    bones: Mapping[str, trials.Bone],
+) -> trials.ImageEvidence:
     """Landmarks under the names of a built-in leg model's joints and markers.
 
     ``found``: bone (``pelvis``, ``femur_r`` …) to its landmarks, all of one image. ``markers``: skin
@@ -343,7 +339,7 @@ def collect_evidence(
         for joint in ("knee", "ankle", "subtalar")
         if joint in bone.axes
     }
-    return ImageEvidence(
+    return trials.ImageEvidence(
         centres={name: _to_vector(bone.points[point]) for name, (bone, point) in centres.items()},
         axes={name: _to_vector(bone.axes[joint]) for name, (bone, joint) in axes.items()},
         deviations={name: bone.deviations[point] for name, (bone, point) in centres.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections import abc
 from contextlib import contextmanager
 from types import FrameType
 from typing import Annotated
@@ -88,7 +88,7 @@ def _program(
     """
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(arguments: abc.Sequence[str]) -> int:
     """Run one command; see ``main``."""
     try:
         with _terminable():
@@ -109,7 +109,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 @contextmanager
-def _terminable() -> Iterator[None]:
+def _terminable() -> abc.Iterator[None]:
     """Let a request to terminate (a queue's, a container's) end as an interruption does: tidily."""
     if threading.current_thread() is not threading.main_thread():
         yield  # only there can signals be handled

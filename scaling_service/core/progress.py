@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from threading import Lock
 
 Progress = Callable[[str, float], None]
@@ -33,7 +33,7 @@ def report_part(progress: Progress, start: float, length: float) -> Progress:
     return lambda what, share: progress(what, start + length * share)
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(slots=True, eq=False, kw_only=True)
 class Steps:
     """Progress of work of which nobody knows how many steps it takes: nearer to a mark with each, never back.
 
@@ -44,7 +44,7 @@ class Steps:
     what: str = ""
     share: float = 0.0
     mark: float = 0.0
-    _lock: Lock = field(default_factory=Lock)
+    _lock: Lock = dataclasses.field(default_factory=Lock)
 
     def begin(self, what: str, share: float, mark: float) -> None:
         """Begin a part that goes from a share of the whole towards another."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclasses.dataclass(frozen=True, slots=True, repr=False)
 class ResultTable:
     """Rows under columns whose names hold the units; a notebook shows it as a table.
 
@@ -69,12 +69,12 @@ class ResultTable:
         return f"<b>{escape(self.title)}</b>{table}"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclasses.dataclass(frozen=True, slots=True, repr=False)
 class MotionTable(ResultTable):
     """Coordinates over time; the first column is ``time_s``.
 
     ``trial``: the recording. ``system``: what the motion is by, such as the method of scaling.
     """
 
-    trial: str = field(kw_only=True)
-    system: str = field(kw_only=True)
+    trial: str = dataclasses.field(kw_only=True)
+    system: str = dataclasses.field(kw_only=True)

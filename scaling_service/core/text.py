@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import abc
 
 _SHOWN = 6  # chosen: as many names as fit one line
 
 
-def list_few(names: Sequence[str]) -> str:
+def list_few(names: abc.Sequence[str]) -> str:
     """Some names, and how many more there are.
 
     Examples
@@ -19,7 +19,7 @@ def list_few(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
-def suggest_name(name: str, known: Iterable[str], *, cutoff: float = 0.6) -> str:
+def suggest_name(name: str, known: abc.Iterable[str], *, cutoff: float = 0.6) -> str:
     """A question with the name that comes closest, and a space; empty where none is close.
 
     Examples

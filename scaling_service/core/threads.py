@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections import abc
+from concurrent import futures
 from typing import ParamSpec, TypeVar
 
 _LIBRARIES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -30,7 +30,7 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 
-def map_parallel(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
+def map_parallel(work: abc.Callable[[S], T], items: abc.Iterable[S]) -> list[T]:
     """What the work makes of every item, in their order, on as many cores as this process may use.
 
     Array work leaves the interpreter free for others.
@@ -39,16 +39,16 @@ def map_parallel(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
     count = min(len(given), count_cores())
     if count < 2:
         return [work(item) for item in given]
-    with ThreadPoolExecutor(count) as pool:
+    with futures.ThreadPoolExecutor(count) as pool:
         return list(pool.map(work, given))
 
 
-class Serial(Executor):
+class Serial(futures.Executor):
     """Does every task at once, in the thread that submits it."""
 
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+    def submit(self, fn: abc.Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
         """Run the task; its error is kept in the future, but for one that stops the program."""
-        future: Future[T] = Future()
+        future: futures.Future[T] = futures.Future()
         try:
             future.set_result(fn(*args, **kwargs))
         except Exception as error:  # noqa: BLE001 (an executor hands every error to whoever asks for the result)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections import abc
 from pathlib import Path
 from typing import Any, get_args
 
@@ -65,7 +65,7 @@ def check_document(content: object, *, file: str | Path | None = None) -> Subjec
     >>> check_document({"subject": person, "model": "lower_limb_14dof", "trials": trials}).trials.files
     ('Static.c3d',)
     """
-    if not isinstance(content, Mapping):
+    if not isinstance(content, abc.Mapping):
         raise SubjectInvalid(
             f"a subject document is a mapping of keys, not {_name_kind(content)}",
             file=file,
@@ -105,7 +105,7 @@ def read_text(file: Path, kind: str = "a subject file") -> str:
 class _UniqueKeys(yaml.SafeLoader):
     """YAML in which a key given twice is an error instead of the last one winning."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[abc.Hashable, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
@@ -136,7 +136,7 @@ def _parse_yaml(text: str, file: Path) -> object:
 
 
 def _parse_json(text: str, file: Path) -> object:
-    def unique(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    def unique(pairs: abc.Sequence[tuple[str, Any]]) -> dict[str, Any]:
         keys = [key for key, _ in pairs]
         for key in keys:
             if keys.count(key) > 1:
@@ -208,7 +208,7 @@ def _name_kind(value: object) -> str:
     return names.get(type(value), f"a {type(value).__name__}") + shown
 
 
-def _list_models(annotation: Any) -> Iterator[type[BaseModel]]:
+def _list_models(annotation: Any) -> abc.Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in get_args(annotation):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections import abc
 from pathlib import PurePath
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -15,7 +15,7 @@ from scaling_service.core.text import suggest_name
 
 SIZE_UNIT = "_mm"  # how the name of a size ends in a subject file
 
-SIDED: Mapping[str, tuple[float, float]] = MappingProxyType(
+SIDED: abc.Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "leg_length": (0.25, 1.4),
         "knee_width": (0.04, 0.20),
@@ -33,12 +33,12 @@ Definitions as in the conventional gait model (Davis 1991; Vicon's Plug-in Gait)
 over the knee to the medial malleolus, widths across epicondyles and malleoli without markers,
 ``asis_trochanter`` in the sagittal plane, ``shoulder_offset`` from the acromion's marker to the centre."""
 
-WHOLE: Mapping[str, tuple[float, float]] = MappingProxyType(
+WHOLE: abc.Mapping[str, tuple[float, float]] = MappingProxyType(
     {"asis_width": (0.09, 0.40), "marker_diameter": (0.0035, 0.03)}
 )
 """Sizes without a side: between the ASIS, and of the marker's ball."""
 
-RANGES_M: Mapping[str, tuple[float, float]] = MappingProxyType(
+RANGES_M: abc.Mapping[str, tuple[float, float]] = MappingProxyType(
     {f"{name}_{side}": limits for name, limits in SIDED.items() for side in "rl"} | dict(WHOLE)
 )
 """Every size that is known, with its range, m."""
@@ -164,9 +164,9 @@ class Bones(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _check_bones(cls, value: object) -> object:
-        if isinstance(value, Mapping) and "units" not in value and set(value) != {"segmentation"}:
+        if isinstance(value, abc.Mapping) and "units" not in value and set(value) != {"segmentation"}:
             raise _make_error("the unit of the surfaces is missing", "Add `units:`, mm or m", "units")
-        for name in value if isinstance(value, Mapping) else ():
+        for name in value if isinstance(value, abc.Mapping) else ():
             if isinstance(name, str) and _OTHER_BONES.search(name):
                 raise _make_error(
                     "nothing is measured on this bone",
@@ -287,7 +287,7 @@ class SubjectDocument(_Strict):
                     f"extra_markers.{label}",
                 )
         names = [PurePath(path).name for path in self.trials.files]
-        named: dict[str, Iterable[str]] = {
+        named: dict[str, abc.Iterable[str]] = {
             "forces": self.forces,
             "corrections": self.corrections,
             "mirrored": self.mirrored,

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections import abc
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -33,7 +33,7 @@ def code_version() -> str:
         return "not installed"
 
 
-def write_json(path: Path, document: BaseModel, *, without: Collection[str] = ()) -> None:
+def write_json(path: Path, document: BaseModel, *, without: abc.Collection[str] = ()) -> None:
     """A document, some of its fields left out, as JSON for people and programs."""
     content = document.model_dump(mode="json", exclude=set(without))
     path.write_text(
@@ -68,7 +68,7 @@ def _find_existing(folder: Path) -> Path:
 
 
 @contextmanager
-def all_or_nothing(folder: Path) -> Iterator[Path]:
+def all_or_nothing(folder: Path) -> abc.Iterator[Path]:
     """A scratch folder on the target's disk, whose content moves to the target at the end."""
     check_folder(folder)
     try:

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.files import limbs
 from scaling_service.files.biomod_muscles import write_muscles
-from scaling_service.files.limbs import (
-    DrivenAxis,
-    Skeleton,
-    format_numbers,
-    list_following,
-    list_limbs,
-    list_uncarried,
-)
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.muscles import Musculature
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 from scaling_service.numerics.wrench import GRAVITY
 
 
-def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> Skeleton:
+def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> limbs.Skeleton:
     """A ``.bioMod`` file, SI and rad, Y up; what it does not carry stands in comments at its head, too.
 
     Its degrees of freedom come in the order of :func:`list_limbs`' axes.
@@ -30,11 +23,11 @@ def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> Skelet
     ValueError: the model's parameters are not folded into its laws.
     """
     of_muscles = None if muscles is None else write_muscles(model, muscles)
-    said = [*list_following(model), *list_uncarried(model, muscles=of_muscles is None)]
+    said = [*limbs.list_following(model), *limbs.list_uncarried(model, muscles=of_muscles is None)]
     said += [] if of_muscles is None else of_muscles.said
     lines = ["version 4", *(f"// {line}" for line in said), ""]
-    lines += [f"gravity {format_numbers(GRAVITY)}", ""]
-    for limb in list_limbs(model):
+    lines += [f"gravity {limbs.format_numbers(GRAVITY)}", ""]
+    for limb in limbs.list_limbs(model):
         parent, back = "root" if limb.segment.parent == GROUND else limb.segment.parent, np.asarray(np.eye(4))
         for axis in limb.axes:
             # The frame, (4, 4), whose z lies along an axis.
@@ -45,31 +38,28 @@ def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> Skelet
             elif axis.axis[2] < 0.0:
                 frame[:3, :3] = np.diag([1.0, -1.0, -1.0])
             along = frame
-            lines += _write_segment(axis.name, parent, back @ axis.before @ along, _write_motion(axis))
+            motion = f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
+            lines += _write_segment(axis.name, parent, back @ axis.before @ along, [motion])
             parent, back = axis.name, np.asarray(np.linalg.inv(along), dtype=float)
         lines += _write_segment(limb.segment.name, parent, back @ limb.last, _write_mass(limb.segment))
     for marker in model.markers:
         lines += [
             f"marker {marker.name.replace(' ', '_')}",
             f"    parent {'root' if marker.segment == GROUND else marker.segment}",
-            f"    position {format_numbers(marker.nominal)}",
+            f"    position {limbs.format_numbers(marker.nominal)}",
             f"    anatomical {int(marker.anatomical)}",
             f"    technical {int(not marker.anatomical)}",
             "endmarker",
             "",
         ]
     lines += [] if of_muscles is None else of_muscles.lines
-    return Skeleton("\n".join(lines), tuple(said))
+    return limbs.Skeleton("\n".join(lines), tuple(said))
 
 
-def _write_segment(name: str, parent: str, frame: Array, more: Iterator[str]) -> list[str]:
-    rows = [f"        {format_numbers(row)}" for row in frame]
+def _write_segment(name: str, parent: str, frame: Array, more: Iterable[str]) -> list[str]:
+    rows = [f"        {limbs.format_numbers(row)}" for row in frame]
     head = [f"segment {name}", f"    parent {parent}", "    RTinMatrix 1", "    RT", *rows]
     return [*head, *more, "endsegment", ""]
-
-
-def _write_motion(axis: DrivenAxis) -> Iterator[str]:
-    yield f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
 
 
 def _write_mass(segment: Segment) -> Iterator[str]:
@@ -77,7 +67,7 @@ def _write_mass(segment: Segment) -> Iterator[str]:
         return
     xx, yy, zz, xy, xz, yz = segment.inertia
     yield f"    mass {segment.mass:.17g}"
-    yield f"    CenterOfMass {format_numbers(segment.com)}"
+    yield f"    CenterOfMass {limbs.format_numbers(segment.com)}"
     yield "    inertia"
     for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)):
-        yield f"        {format_numbers(row)}"
+        yield f"        {limbs.format_numbers(row)}"

@@ -8,8 +8,7 @@ how far that takes their lengths off elsewhere is said.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc, defaultdict
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -17,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.courses import Poses, pose_model
+from scaling_service.files import courses
 from scaling_service.files.limbs import format_numbers
 from scaling_service.files.tendons import order_surfaces
-from scaling_service.model.body import GROUND, BodyModel, to_vector
+from scaling_service.model import body
 from scaling_service.model.muscles import Contact, Muscle, Musculature, PathPoint, WrapSurface
 
 _WORTH_SAYING = 1e-3  # m; chosen: below what attachments are known to
 _LEAST = 1e-12  # of what is divided by
 
-_Contacts: TypeAlias = Sequence[Sequence[Contact]]  # of one muscle, by pose
+_Contacts: TypeAlias = abc.Sequence[abc.Sequence[Contact]]  # of one muscle, by pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +36,9 @@ class BiomodMuscles:
     said: tuple[str, ...]
 
 
-def write_muscles(model: BodyModel, muscles: Musculature) -> BiomodMuscles:
+def write_muscles(model: body.BodyModel, muscles: Musculature) -> BiomodMuscles:
     """All muscles of a model without parameters, as biorbd reads them."""
-    poses = pose_model(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
+    poses = courses.pose_model(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
     default = np.array([c.default for c in model.coordinates])
     off = np.abs(muscles.q - default) / np.maximum(np.ptp(muscles.q, axis=0), _LEAST)
     nearest = int(np.argmin(off.sum(axis=1)))
@@ -74,11 +73,11 @@ def write_muscles(model: BodyModel, muscles: Musculature) -> BiomodMuscles:
 def _place_points(
     muscle: Muscle,
     contacts: _Contacts,
-    surfaces: Mapping[str, WrapSurface],
-    poses: Poses,
-    parents: Mapping[str, str],
+    surfaces: abc.Mapping[str, WrapSurface],
+    poses: courses.Poses,
+    parents: abc.Mapping[str, str],
     pose: int,
-) -> Iterator[PathPoint]:
+) -> abc.Iterator[PathPoint]:
     """The points of a path as they are in one pose."""
     touched = {(c.after, c.surface): c for c in contacts[pose]} if contacts else {}
     for number, point in enumerate(muscle.points):
@@ -86,7 +85,7 @@ def _place_points(
             if point.segment in parents:
                 parent = parents[point.segment]
                 at = poses.to_segment(parent, poses.to_ground(point.segment, point.at))[pose]
-                yield PathPoint(name=point.name, segment=parent, at=to_vector(at))
+                yield PathPoint(name=point.name, segment=parent, at=body.to_vector(at))
             else:
                 yield replace(point, coordinate=None)
         for name in order_surfaces(contacts, number):
@@ -95,7 +94,7 @@ def _place_points(
                 yield PathPoint(name=f"{muscle.name}-{name}", segment=surfaces[name].segment, at=at)
 
 
-def _find_passed(point: PathPoint, poses: Poses) -> NDArray[np.bool_]:
+def _find_passed(point: PathPoint, poses: courses.Poses) -> NDArray[np.bool_]:
     """In which poses a path passes one of its points, (n_poses,)."""
     if point.coordinate is None:
         return np.ones(len(poses.q), dtype=bool)
@@ -104,7 +103,7 @@ def _find_passed(point: PathPoint, poses: Poses) -> NDArray[np.bool_]:
 
 
 def _measure_path(
-    muscle: Muscle, contacts: _Contacts, surfaces: Mapping[str, WrapSurface], poses: Poses
+    muscle: Muscle, contacts: _Contacts, surfaces: abc.Mapping[str, WrapSurface], poses: courses.Poses
 ) -> Array:
     """The length of a path in each pose, (n_poses,), m; on surfaces that of arcs through three points."""
     total = np.zeros(len(poses.q))
@@ -138,7 +137,7 @@ def _measure_arc(first: Array, middle: Array, last: Array) -> Array:
     )
 
 
-def _write_muscle(muscle: Muscle, points: Sequence[PathPoint]) -> list[str]:
+def _write_muscle(muscle: Muscle, points: abc.Sequence[PathPoint]) -> list[str]:
     """A muscle in a group of its own, as biorbd asks for groups between two segments."""
     name, (origin, *between, insertion) = _join(muscle.name), points
     lines = [
@@ -178,4 +177,4 @@ def _join(text: str) -> str:
 
 
 def _name_segment(segment: str) -> str:
-    return "root" if segment == GROUND else segment
+    return "root" if segment == body.GROUND else segment

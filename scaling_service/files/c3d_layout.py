@@ -7,8 +7,8 @@ supported equally well, the file is refused.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+import dataclasses
+from collections import abc
 from itertools import product
 from pathlib import Path
 
@@ -22,7 +22,7 @@ _SATURATED = 65535  # a recording that reaches this frame keeps its true length 
 SAME = 1e-4  # chosen: rates that differ by a smaller share are one, rounded
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """How frames stand in a file."""
 
@@ -49,7 +49,7 @@ class Layout:
         return self.channels * self.per_frame
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class _Witness:
     """One statement of a file on its layout."""
 
@@ -177,7 +177,7 @@ def _count_held(layout: Layout, length: int) -> int:
     return left // layout.frame_bytes if layout.frame_bytes and left > 0 else 0
 
 
-def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout]:
+def _list_layouts(witnesses: abc.Sequence[_Witness], length: int) -> abc.Iterable[Layout]:
     """Every layout that can be put together from what is stated."""
 
     def values(of: str, *more: int) -> list[int]:
@@ -205,7 +205,7 @@ def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[Layout
         long = {w.value + w.modulo * ((held - w.value) // w.modulo) for w in witnesses if w.modulo}
         frames = {*values("frames"), *(n for n in long if n > 0)}
         for n in sorted(frames or {held}):
-            yield replace(empty, frames=n)
+            yield dataclasses.replace(empty, frames=n)
 
 
 # --- rates ---

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,7 +21,7 @@ RATES_HZ = (0.5, 1e5)  # chosen: a frame in two seconds to beyond any camera
 Numbers = NDArray[Any]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Processor:
     """How numbers stand in a file."""
 
@@ -52,7 +52,7 @@ class Processor:
 # --- header and parameters ---
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
     """All that a file says of itself."""
 
@@ -67,7 +67,7 @@ class Facts:
     rate: float
     parameters: Mapping[str, Mapping[str, Any]]
     behind: int  # block that follows the parameters
-    repairs: tuple[Repair, ...] = field(default=())
+    repairs: tuple[Repair, ...] = dataclasses.field(default=())
 
     def number(self, group: str, name: str) -> float:
         """The first number of a parameter; NaN where there is none."""
@@ -128,10 +128,10 @@ def read_facts(content: bytes, file: Path) -> Facts:
         return facts
     said = f"type {stated} is stated; its numbers are those of {processor.name} ({processor.code})"
     note = Repair(what="header", where="processor type", detail=said)
-    return replace(facts, repairs=(*facts.repairs, note))
+    return dataclasses.replace(facts, repairs=(*facts.repairs, note))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class _Entry:
     """A group or one of its parameters."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,10 +54,10 @@ class Poses:
 
     model: body.BodyModel
     q: Array  # (n_poses, n_coordinates)
-    origins: Mapping[str, Array]  # segment to (n_poses, 3), m
-    turns: Mapping[str, Rotation]
+    origins: abc.Mapping[str, Array]  # segment to (n_poses, 3), m
+    turns: abc.Mapping[str, Rotation]
 
-    def to_ground(self, segment: str, at: Sequence[float] | Array) -> Array:
+    def to_ground(self, segment: str, at: abc.Sequence[float] | Array) -> Array:
         """Points, (3,) or (n_poses, 3), of a segment in ground, (n_poses, 3)."""
         return np.asarray(self.origins[segment] + self.turns[segment].apply(np.asarray(at)))
 

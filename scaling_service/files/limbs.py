@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ class DrivenAxis:
     leads: bool  # whether the value is the coordinate itself
     before: Array  # (4, 4): the fixed frame between the axis before, or the parent, and this one
 
-    def value(self, coordinates: Mapping[str, Array]) -> Array:
+    def value(self, coordinates: abc.Mapping[str, Array]) -> Array:
         """What the axis moves by, rad or m, at values of the coordinates."""
         return np.asarray(evaluate_law(body.Law((self.term,)), coordinates))
 
@@ -104,7 +104,7 @@ def displace(joint: body.Joint, value: float) -> Array:
     return frame
 
 
-def list_axes_at_rest(limb: Limb) -> Iterator[tuple[DrivenAxis, Array, Array]]:
+def list_axes_at_rest(limb: Limb) -> abc.Iterator[tuple[DrivenAxis, Array, Array]]:
     """Each axis with its direction and a point on it, (3,) each, in the segment's frame at rest."""
     onwards: Array = limb.last
     for axis in reversed(limb.axes):
@@ -142,7 +142,7 @@ class Skeleton:
 
     text: str
     left_out: tuple[str, ...]
-    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of muscles, one by one
+    changed: abc.Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of muscles, one by one
 
 
 def format_numbers(values: object) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -182,7 +182,7 @@ def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
     return np.asarray(triangles.points, dtype=float), faces
 
 
-READERS: Mapping[str, Callable[[Path], tuple[Array, NDArray[np.integer]]]] = MappingProxyType(
+READERS: abc.Mapping[str, abc.Callable[[Path], tuple[Array, NDArray[np.integer]]]] = MappingProxyType(
     {".stl": _with_stl, ".ply": _with_trimesh, ".obj": _with_trimesh, ".vtp": _with_pyvista}
 )
 """Suffix (lower case) to reader. A new format is a function and a row."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
-from scaling_service.files.courses import Bend, Site, Tendons
+from scaling_service.files import courses as files_courses
 from scaling_service.files.limbs import format_numbers
 from scaling_service.model.muscles import Muscle
 
@@ -23,7 +23,7 @@ _LEAST, _MOST_FORCE = 0.44, 1.4
 
 
 def add_muscles(
-    root: ET.Element, bodies: Mapping[str, ET.Element], tendons: Tendons
+    root: ET.Element, bodies: Mapping[str, ET.Element], tendons: files_courses.Tendons
 ) -> tuple[list[str], list[str]]:
     """Write all muscles; what MuJoCo's are not of OpenSim's, in all and muscle by muscle, in plain sentences.
 
@@ -40,7 +40,7 @@ def add_muscles(
             damping = muscle.damping * muscle.isometric_force / (muscle.fibre * muscle.speed)
             course.set("damping", format_numbers([damping]))
         for part in tendon.course:
-            if isinstance(part, Site):
+            if isinstance(part, files_courses.Site):
                 _add_site(bodies[part.segment], part)
                 ET.SubElement(course, "site", site=part.name)
                 continue
@@ -74,7 +74,7 @@ def add_muscles(
             part.surface.name
             for tendon in tendons.tendons
             for part in tendon.course
-            if isinstance(part, Bend) and part.surface.kind == "cylinder"
+            if isinstance(part, files_courses.Bend) and part.surface.kind == "cylinder"
         }
     )
     if ends:
@@ -90,7 +90,7 @@ def add_muscles(
     return said, each
 
 
-def _add_site(body: ET.Element, site: Site) -> None:
+def _add_site(body: ET.Element, site: files_courses.Site) -> None:
     ET.SubElement(body, "site", name=site.name, pos=format_numbers(site.at), size="0.003", group="3")
 
 

@@ -9,8 +9,8 @@ Chebyshev polynomial, which takes the sum to degree sixteen.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +29,7 @@ _SLOPES = 0.3
 much as 3 mm a radian."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Followed:
     """How near a law is held."""
 
@@ -40,7 +40,7 @@ class Followed:
     kind: str  # rotation or translation
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Eased:
     """A model whose laws are quartics of one coordinate each."""
 
@@ -72,8 +72,8 @@ def ease_laws(model: body.BodyModel) -> Eased:
                 if term.shape is None or own is None or own.locked:
                     terms.append(term)
                     continue
-                found, off = _ease(replace(term, gain=1.0), own, helpers)
-                terms += [replace(each, gain=term.gain) for each in found]
+                found, off = _ease(dataclasses.replace(term, gain=1.0), own, helpers)
+                terms += [dataclasses.replace(each, gain=term.gain) for each in found]
                 followed.append(
                     Followed(
                         joint=f"{segment.name} {joint.kind} {k}",
@@ -83,10 +83,10 @@ def ease_laws(model: body.BodyModel) -> Eased:
                         kind=joint.kind,
                     )
                 )
-            joints.append(replace(joint, law=body.Law(tuple(terms))))
-        segments.append(replace(segment, joints=tuple(joints)))
+            joints.append(dataclasses.replace(joint, law=body.Law(tuple(terms))))
+        segments.append(dataclasses.replace(segment, joints=tuple(joints)))
     more = tuple(body.Coordinate(name=name, lower=-1.0, upper=1.0) for name in helpers)
-    eased = replace(model, segments=tuple(segments), coordinates=(*model.coordinates, *more))
+    eased = dataclasses.replace(model, segments=tuple(segments), coordinates=(*model.coordinates, *more))
     return Eased(eased, helpers, tuple(followed))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections import abc
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -12,13 +12,13 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.core import errors
+from scaling_service.model import trial as trials
 from scaling_service.model.forces import PlateRecording
-from scaling_service.model.trial import Trial, is_unlabelled
 
 FORMATS = "scaling_service.formats"
 """Entry points of other distributions that read further formats: a suffix, and what reads such a file."""
 
-READERS: Mapping[str, EntryPoint] = MappingProxyType(
+READERS: abc.Mapping[str, EntryPoint] = MappingProxyType(
     {f".{entry.name.lstrip('.').lower()}": entry for entry in entry_points(group=FORMATS)}
     | {
         suffix: EntryPoint(suffix, reader, FORMATS)
@@ -41,25 +41,25 @@ NOT_STATED = "mm (not stated)"  # the unit of files that state none: mm is usual
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Recording(Trial):
+class Recording(trials.Trial):
     """All that one file holds: the markers of a Trial, sizes of the person, and force plates."""
 
     unit: str = NOT_STATED  # Of length, as the file states it
     # Its force plates in the laboratory's axes, or why they cannot be used; None where there are none
     plates: PlateRecording | errors.TrialUnusable | None = None
     # Trajectories such as ``*110``, which nobody labelled, where the format keeps them apart
-    unlabelled: Trial | None = None
+    unlabelled: trials.Trial | None = None
 
     @property
-    def trial(self) -> Trial:
+    def trial(self) -> trials.Trial:
         """The markers alone."""
-        return Trial(**{part.name: getattr(self, part.name) for part in fields(Trial)})
+        return trials.Trial(**{part.name: getattr(self, part.name) for part in fields(trials.Trial)})
 
-    def with_unlabelled(self) -> Trial:
+    def with_unlabelled(self) -> trials.Trial:
         """All trajectories, also those that nobody labelled."""
         return self.trial if self.unlabelled is None else self.take_unlabelled(self.unlabelled.labels).trial
 
-    def take_unlabelled(self, labels: Collection[str]) -> Recording:
+    def take_unlabelled(self, labels: abc.Collection[str]) -> Recording:
         """The recording with those of these labels among its markers that nobody gave."""
         if self.unlabelled is None:
             return self
@@ -106,7 +106,7 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
         said = f"'{file.suffix}' is not a format of recordings" if file.suffix else "the name has no suffix"
         raise errors.FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
     recording: Recording = reader.load()(file)
-    named = sum(not is_unlabelled(label) for label in recording.labels)
+    named = sum(not trials.is_unlabelled(label) for label in recording.labels)
     if named > MOST_LABELS:
         raise errors.TrialUnusable(
             f"it has {named:,} labels, and {MOST_LABELS:,} is the most that is looked at",

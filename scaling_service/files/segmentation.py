@@ -6,7 +6,7 @@ import csv
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -45,7 +45,7 @@ class Segmentation:
     zeros for surfaces.
     """
 
-    surfaces: Mapping[str, mesh.Mesh]
+    surfaces: abc.Mapping[str, mesh.Mesh]
     rightward: Array | None = None
     voxel: Array
 
@@ -172,7 +172,7 @@ def _read_volume(file: Path) -> tuple[NDArray[Any], Array, dict[int, str]]:
     return raw, affine, names
 
 
-def _read_own_names(extensions: Any) -> Iterator[tuple[int, str]]:
+def _read_own_names(extensions: Any) -> abc.Iterator[tuple[int, str]]:
     """Of the XML label table that TotalSegmentator and Workbench write into the header."""
     for extension in extensions:
         content = extension.get_content()
@@ -221,8 +221,8 @@ def _read_table(file: Path) -> dict[int, str]:
 
 
 def _list_surfaces(
-    volume: NDArray[Any], affine: Array, names: Mapping[int, str]
-) -> Iterator[tuple[str, mesh.Mesh]]:
+    volume: NDArray[Any], affine: Array, names: abc.Mapping[int, str]
+) -> abc.Iterator[tuple[str, mesh.Mesh]]:
     """Name and surface of each label that is named and has enough voxels."""
     import pyvista  # only here: it takes half a second
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections import abc
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -24,7 +24,7 @@ _OWN_KEYS = frozenset({"version", "nrows", "ncolumns", "indegrees", "datatype"})
 """Header keys that the writer sets from the table itself (lower case)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Table:
     """Columns of numbers over time, in the units of the file.
 
@@ -37,7 +37,7 @@ class Table:
     columns: tuple[str, ...]  # the first is ``time``
     data: Array  # (n, k); NaN where a value is missing; time in s, strictly increasing
     in_degrees: bool | None = None
-    header: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    header: abc.Mapping[str, str] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     repairs: tuple[Repair, ...] = ()
 
     def __post_init__(self) -> None:
@@ -121,7 +121,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     )
 
 
-def read_header(lines: Sequence[str]) -> dict[str, str]:
+def read_header(lines: abc.Sequence[str]) -> dict[str, str]:
     """Keys and values; of version 1 and later (``key=value``) and of SIMM motions (``datarows 100``)."""
     header: dict[str, str] = {}
     for line in lines:
@@ -135,7 +135,7 @@ def read_header(lines: Sequence[str]) -> dict[str, str]:
     return header
 
 
-def look_up(header: Mapping[str, str], key: str) -> str | None:
+def look_up(header: abc.Mapping[str, str], key: str) -> str | None:
     """A key's value, whatever its case; ``key`` is in lower case."""
     return next((value for name, value in header.items() if name.lower() == key), None)
 
@@ -200,8 +200,8 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
 def tabulate_motion(
     name: str,
     times: ArrayLike,
-    coordinates: Sequence[str],
-    kinds: Sequence[Literal["rotation", "translation"]],
+    coordinates: abc.Sequence[str],
+    kinds: abc.Sequence[Literal["rotation", "translation"]],
     values: ArrayLike,
 ) -> Table:
     """An OpenSim motion: rotations in degrees, translations in m, ``inDegrees=yes``.

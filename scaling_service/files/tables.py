@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, abc
 from contextlib import suppress
 from pathlib import Path
 
@@ -115,7 +114,7 @@ def split_cells(line: str) -> list[str]:
 
 
 def parse_rows(
-    lines: Sequence[Line], columns: Sequence[str], path: Path
+    lines: abc.Sequence[Line], columns: abc.Sequence[str], path: Path
 ) -> tuple[Array, tuple[trial.Repair, ...]]:
     """Rows of numbers under named columns.
 
@@ -147,7 +146,7 @@ def parse_rows(
 
 
 def _parse_row(
-    number: int, text: str, columns: Sequence[str], path: Path, tally: Counter[str]
+    number: int, text: str, columns: abc.Sequence[str], path: Path, tally: Counter[str]
 ) -> list[float]:
     wanted = len(columns)
     if "_" not in text:  # float() would read 1_000 as a number
@@ -202,7 +201,7 @@ def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) 
     )
 
 
-def format_rows(form: str, data: Array) -> Iterator[str]:
+def format_rows(form: str, data: Array) -> abc.Iterator[str]:
     """Rows as text, many at a time.
 
     ``form``: of one row, for the ``%`` operator. ``data``: (n_rows, n_columns).
@@ -238,7 +237,7 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
 
 
 def separate_duplicates(
-    labels: Sequence[str], markers: Array, descriptions: Sequence[str] = ()
+    labels: abc.Sequence[str], markers: Array, descriptions: abc.Sequence[str] = ()
 ) -> tuple[tuple[str, ...], tuple[trial.Repair, ...]]:
     """Labels of which each stands once, and what was decided.
 
@@ -266,7 +265,7 @@ def separate_duplicates(
     return tuple(names), tuple(repairs)
 
 
-def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, kind: str) -> None:
+def refuse_duplicates(names: abc.Sequence[str], columns: abc.Sequence[int], path: Path, kind: str) -> None:
     """Raise if two columns have one name.
 
     ``columns``: position of each in the file, from 1, for the message. ``kind``: ``"marker"`` or
@@ -284,7 +283,7 @@ def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, 
         first[name] = column
 
 
-def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) -> None:
+def check_times(times: Array, path: Path, lines: abc.Sequence[int] | None = None) -> None:
     """Raise unless times are known and increase from row to row.
 
     ``times``: (n_rows,), s. ``lines``: line number of each row, for the message. Raises TrialUnusable.
@@ -308,7 +307,7 @@ def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) ->
     )
 
 
-def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple[trial.Repair, ...]]:
+def clean_positions(markers: Array, labels: abc.Sequence[str]) -> tuple[Array, tuple[trial.Repair, ...]]:
     """Mark as missing what cannot be a position.
 
     ``markers``: (n_frames, n_markers, 3), m. Returns ``markers`` (n_frames, n_markers, 3), m: all three

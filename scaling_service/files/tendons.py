@@ -258,8 +258,12 @@ def _simplify(
     axis = np.linalg.svd(normals)[2][0]
     turn = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0].as_matrix()
     flat = touches.reshape(-1, 3) @ turn
-    centre, radius, off = _fit_circle(flat[:, :2])
-    origin = turn @ np.array([*centre, flat[:, 2].mean()])
+    # Their circle (Kasa)
+    rows = np.column_stack([2.0 * flat[:, :2], np.ones(len(flat))])
+    x, y, rest = np.linalg.lstsq(rows, np.sum(flat[:, :2] ** 2, axis=1), rcond=None)[0]
+    radius = float(np.sqrt(rest + x**2 + y**2))
+    off = float(np.sqrt(np.mean((np.linalg.norm(flat[:, :2] - (x, y), axis=1) - radius) ** 2)))
+    origin = turn @ np.array([x, y, flat[:, 2].mean()])
     side = turn.T @ (touches[:, 1].mean(axis=0) - origin)
     cylinder = replace(
         surface,
@@ -274,12 +278,3 @@ def _simplify(
     return cylinder, [
         f"{said} is a cylinder of {1e3 * radius:.1f} mm, off where it is touched by {1e3 * off:.2f} mm"
     ]
-
-
-def _fit_circle(points: Array) -> tuple[Array, float, float]:
-    """Centre, (2,), radius and root mean square distance of points, (n, 2), from their circle, m (Kasa)."""
-    rows = np.column_stack([2.0 * points, np.ones(len(points))])
-    x, y, rest = np.linalg.lstsq(rows, np.sum(points**2, axis=1), rcond=None)[0]
-    radius = float(np.sqrt(rest + x**2 + y**2))
-    off = np.linalg.norm(points - (x, y), axis=1) - radius
-    return np.array([x, y]), radius, float(np.sqrt(np.mean(off**2)))

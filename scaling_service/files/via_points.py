@@ -7,7 +7,7 @@ the point is passed, and on the line's side while it is not. So the path jumps w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 
 import numpy as np
 
@@ -121,7 +121,7 @@ def _fit_sides(x: Array, wanted: Array, ends: tuple[float, float]) -> list[Array
 
 def _fit_crossings(
     x: Array, side: Array, away: Array, outside: Array, passed: bool
-) -> Iterator[tuple[Array, Array]]:
+) -> abc.Iterator[tuple[Array, Array]]:
     """What to add to a side where another coordinate takes the line across: a vector and its size.
 
     The size is a quartic of ``x - x[0]``, highest power first: flat about the middle of the range, 1 where
@@ -146,6 +146,6 @@ def _normalise(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), _VIA_M))
 
 
-def _find_firm(points: Sequence[muscles.PathPoint]) -> muscles.PathPoint:
+def _find_firm(points: abc.Sequence[muscles.PathPoint]) -> muscles.PathPoint:
     """The first point that is always passed, or the last there is."""
     return next((point for point in points if point.coordinate is None), points[-1])

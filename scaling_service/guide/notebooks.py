@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Mapping
+from collections import abc
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ def render_notebook(name: str) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def _render_cell(cell: Mapping[str, Any], name: str) -> Iterator[str]:
+def _render_cell(cell: abc.Mapping[str, Any], name: str) -> abc.Iterator[str]:
     source = "".join(cell["source"])
     if cell["cell_type"] == "markdown":
         yield source
@@ -49,7 +49,7 @@ def _render_cell(cell: Mapping[str, Any], name: str) -> Iterator[str]:
         yield f"![Figure]({_name_image(name, cell)})"
 
 
-def read_output(output: Mapping[str, Any]) -> str:
+def read_output(output: abc.Mapping[str, Any]) -> str:
     """What an output says in words; empty for a figure."""
     if _render_image(output):
         return ""
@@ -67,9 +67,9 @@ def draw_images(name: str) -> dict[str, bytes]:
     }
 
 
-def _render_image(output: Mapping[str, Any]) -> str:
+def _render_image(output: abc.Mapping[str, Any]) -> str:
     return str(output.get("data", {}).get("image/png", ""))
 
 
-def _name_image(name: str, cell: Mapping[str, Any]) -> str:
+def _name_image(name: str, cell: abc.Mapping[str, Any]) -> str:
     return f"{name}-{cell['execution_count']}.png"

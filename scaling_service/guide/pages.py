@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -32,7 +32,7 @@ _ENTRY = re.compile(r"^(\S.*)\n?((?:(?: .*)?\n?(?!\S))*)", re.MULTILINE)
 
 FIGURES = Path(__file__).with_name("figures.json")
 
-PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+PARTS: abc.Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "Use it": (
             "first-steps",
@@ -144,7 +144,7 @@ def _parse(module: str) -> ast.Module:
     return ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
 
 
-def _list_fields(module: str, node: ast.ClassDef) -> Iterator[str]:
+def _list_fields(module: str, node: ast.ClassDef) -> abc.Iterator[str]:
     for base in node.bases:
         if isinstance(base, ast.Name) and (home := _find_home(module, base.id)):
             yield from _list_fields(home, _find(home, base.id))  # type: ignore[arg-type]  # a class's base is a class
@@ -180,7 +180,7 @@ def _describe_method(method: ast.FunctionDef) -> str:
     return f"- `{method.name}{called}`: {_format_inline(summary)}"
 
 
-def _translate(docstring: str | None) -> Iterator[str]:
+def _translate(docstring: str | None) -> abc.Iterator[str]:
     """A docstring of numpy's form as blocks of Markdown."""
     prose, *sections = _SECTION.split(cleandoc(docstring or ""))
     yield _format_inline(prose).strip()
@@ -244,7 +244,7 @@ def read_figures() -> Any:
     return json.loads(FIGURES.read_text(encoding="utf-8"))
 
 
-def fill(text: str, figures: Mapping[str, Any]) -> str:
+def fill(text: str, figures: abc.Mapping[str, Any]) -> str:
     """Put figures where a page names them.
 
     Parameters

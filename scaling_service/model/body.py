@@ -8,9 +8,8 @@ Y up, Z to the subject's right (ISB).
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import KW_ONLY, dataclass, replace
+import dataclasses
+from collections import Counter, abc
 from typing import Literal, TypeVar
 
 from scaling_service.core.errors import ModelRefused
@@ -22,19 +21,19 @@ Tensor = tuple[float, float, float, float, float, float]
 GROUND = "ground"
 
 
-def to_vector(values: Iterable[float]) -> Vector:
+def to_vector(values: abc.Iterable[float]) -> Vector:
     """Three numbers of any kind as a vector of the model."""
     x, y, z = (float(v) for v in values)
     return (x, y, z)
 
 
-def to_tensor(values: Iterable[float]) -> Tensor:
+def to_tensor(values: abc.Iterable[float]) -> Tensor:
     """Six numbers of any kind as a tensor of the model."""
     xx, yy, zz, xy, xz, yz = (float(v) for v in values)
     return (xx, yy, zz, xy, xz, yz)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Shape:
     """A piecewise polynomial of one coordinate, continued linearly outside its breaks."""
 
@@ -47,7 +46,7 @@ class Shape:
             raise ValueError("a shape has one more break than pieces")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Surface:
     """A smooth function of several coordinates.
 
@@ -63,7 +62,7 @@ class Surface:
     numbers: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Term:
     """One summand of a law: ``gain * parameter * shape(coordinate)``, or ``gain * parameter * surface``.
 
@@ -74,7 +73,7 @@ class Term:
     parameter: str | None = None
     coordinate: str | None = None
     shape: Shape | None = None
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     surface: Surface | None = None
 
     @property
@@ -90,7 +89,7 @@ class Term:
         return self.parameter is None and not self.coordinates
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Law:
     """A joint's value (rad or m): the sum of its terms."""
 
@@ -134,7 +133,7 @@ class Law:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Joint:
     """A rotation about, or a translation along, an axis of the frame reached so far."""
 
@@ -144,7 +143,7 @@ class Joint:
     scales_with: str | None = None
     """For a translation: the segment whose size it follows. The axis then is expressed in that segment's
     frame, or in a joint frame fixed in it."""
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     size_axis: Vector | None = None
     """(3,) unit vector along an axis of that segment, where the translation follows its size along this one
     and not along its own axis."""
@@ -155,7 +154,7 @@ class Joint:
         return self.kind == "rotation" and not self.law.is_constant
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
     """A rigid body and the chain of joints that carries it from its parent."""
 
@@ -169,7 +168,7 @@ class Segment:
     """(6,) kg m2, about the centre of mass: xx, yy, zz, xy, xz, yz."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Coordinate:
     """One degree of freedom, estimated in every frame unless locked.
 
@@ -185,7 +184,7 @@ class Coordinate:
     locked: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Coupler:
     """A coordinate that follows another one: ``dependent = shape(independent)``.
 
@@ -199,7 +198,7 @@ class Coupler:
     kind: Literal["rotation", "translation"] = "translation"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Marker:
     """A marker: three translations in its segment's frame."""
 
@@ -226,7 +225,7 @@ class Marker:
         return to_vector(law.constant_part for law in self.laws)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Constraint:
     """What every pose must obey beside the joints, which form a tree.
 
@@ -246,7 +245,7 @@ class Constraint:
     law: Law = Law()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A number shared by all frames: a scale factor, an axis tilt, a marker shift."""
 
@@ -261,7 +260,7 @@ class Parameter:
     prior_sd: float | None = None  # standard deviation of a Gaussian prior centred on value
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Expectation:
     """What is known of a coordinate before markers are seen: Gaussian about a law of other coordinates."""
 
@@ -271,7 +270,7 @@ class Expectation:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterPosterior:
     """How well the numbers of a model are known: what would be freed, deviations and correlations.
 
@@ -286,7 +285,7 @@ class ParameterPosterior:
     skin: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class BodyModel:
     """A body model as one frozen value.
 
@@ -382,7 +381,7 @@ class BodyModel:
         """All coordinates, in the model's order."""
         return tuple(c.name for c in self.coordinates)
 
-    def joints(self) -> Iterator[tuple[Segment, Joint]]:
+    def joints(self) -> abc.Iterator[tuple[Segment, Joint]]:
         """Every joint with the segment it leads to."""
         return ((segment, joint) for segment in self.segments for joint in segment.joints)
 
@@ -392,7 +391,7 @@ class BodyModel:
 
     def with_markers(self, markers: tuple[Marker, ...]) -> BodyModel:
         """The same body with other markers."""
-        return replace(self, markers=markers)
+        return dataclasses.replace(self, markers=markers)
 
 
 _Item = TypeVar("_Item", Segment, Marker, Coordinate)

@@ -6,12 +6,12 @@ Their numbers, each with its source, are in the data folder ``reference_models``
 from __future__ import annotations
 
 import math
+import typing
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import pydantic
 
 from scaling_service.core.errors import InputError
 from scaling_service.core.notes import Note
@@ -78,7 +78,7 @@ def lock_unmarked(
     return replace(model, coordinates=coordinates, markers=markers), tuple(notes)
 
 
-class _Need(NamedTuple):
+class _Need(typing.NamedTuple):
     """What a freedom needs to be seen: its segment moves against one that must bear a marker."""
 
     moved: str
@@ -116,16 +116,16 @@ def _load(name: str) -> tuple[body.BodyModel, GenericPerson]:
     return expand(document, file=f"{name}.yaml", base=_load(base) if base else None)
 
 
-class _Entry(BaseModel):
+class _Entry(pydantic.BaseModel):
     """A part of the short form; every key must be known, and every number has its source."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
 
 
 class GenericPerson(_Entry):
     """Whom a generic model depicts: m, kg."""
 
-    sex: Literal["F", "M"]
+    sex: typing.Literal["F", "M"]
     height_m: float
     mass_kg: float
 
@@ -159,7 +159,7 @@ class _Inertia(_Entry):
     """Percentages, written down or of a row of a published table, of a length from an origin."""
 
     length: float
-    origin: body.Vector = Field(default=(0.0, 0.0, 0.0), alias="from")
+    origin: body.Vector = pydantic.Field(default=(0.0, 0.0, 0.0), alias="from")
     table: str | None = None
     row: str = ""
     mass_pct: float = 0.0
@@ -199,7 +199,7 @@ class _Document(_Entry):
 
 
 def expand(
-    document: Mapping[str, Any], *, file: str, base: tuple[body.BodyModel, GenericPerson] | None = None
+    document: Mapping[str, typing.Any], *, file: str, base: tuple[body.BodyModel, GenericPerson] | None = None
 ) -> tuple[body.BodyModel, GenericPerson]:
     """The body model that a compact document describes, and whom it depicts.
 
@@ -211,7 +211,7 @@ def expand(
     """
     try:
         written = _Document.model_validate(document)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         first = error.errors(include_url=False)[0]
         field = ".".join(map(str, first["loc"]))
         raise InputError(first["msg"], file=file, field=field, remedy="Correct this key") from None
@@ -236,7 +236,7 @@ def expand(
             if move.angle_deg is not None:
                 joints.append(body.Joint("rotation", axis, body.Law.constant(math.radians(move.angle_deg))))
                 continue
-            kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
+            kind: typing.Literal["rotation", "translation"] = "rotation" if move.about else "translation"
             lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
             joints.append(body.Joint(kind, axis, body.Law.of(move.coordinate)))
             moved.append(

@@ -7,7 +7,7 @@ that few of them remain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -17,19 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
+from scaling_service.numerics.multibody import laws as multibody_laws
 from scaling_service.numerics.multibody import rigid, surfaces, tree
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    Factor,
-    Fixed,
-    Link,
-    Move,
-    Piecewise,
-    Shift,
-    TermArrays,
-    Turn,
-)
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
 
@@ -46,48 +36,50 @@ class _Index:
         self.coordinates = {name: k for k, name in enumerate(model.coordinate_names)}
         self.parameters = {p.name: k for k, p in enumerate(model.parameters)}
         self._factors: dict[tuple[tuple[str, ...], body.Shape | body.Surface | None], int] = {}
-        self.factors: list[Factor] = []
+        self.factors: list[multibody_laws.Factor] = []
 
     def factor(self, term: body.Term) -> int:
         """The number of a term's factor; locked coordinates stay coordinates."""
         if not term.coordinates:
-            return NONE
+            return multibody_laws.NONE
         key = (term.coordinates, term.surface or term.shape)
         if key not in self._factors:
             self._factors[key] = len(self.factors)
-            shape: Piecewise | surfaces.Surface | None = None
+            shape: multibody_laws.Piecewise | surfaces.Surface | None = None
             if term.surface is not None:
                 shape = _to_arrays(term.surface)
             elif term.shape is not None:
                 shape = to_piecewise(term.shape)
-            self.factors.append(Factor(tuple(self.coordinates[name] for name in term.coordinates), shape))
+            self.factors.append(
+                multibody_laws.Factor(tuple(self.coordinates[name] for name in term.coordinates), shape)
+            )
         return self._factors[key]
 
-    def terms(self, law: body.Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
+    def terms(self, law: body.Law, direction: Array) -> tuple[float, tuple[multibody_laws.TermArrays, ...]]:
         """The constant and the varying terms of a law that acts along ``direction``."""
         varying = []
         for term in law.terms:
-            parameter = self.parameters[term.parameter] if term.parameter is not None else NONE
+            parameter = self.parameters[term.parameter] if term.parameter is not None else multibody_laws.NONE
             factor = self.factor(term)
-            if parameter != NONE or factor != NONE:
-                varying.append(TermArrays(term.gain * direction, parameter, factor))
+            if parameter != multibody_laws.NONE or factor != multibody_laws.NONE:
+                varying.append(multibody_laws.TermArrays(term.gain * direction, parameter, factor))
         return law.constant_part, tuple(varying)
 
 
-def to_piecewise(shape: body.Shape) -> Piecewise:
+def to_piecewise(shape: body.Shape) -> multibody_laws.Piecewise:
     """A shape as arrays."""
     degree = max(len(piece) for piece in shape.coefficients)
     rows = np.zeros((degree, len(shape.coefficients)))
     for k, piece in enumerate(shape.coefficients):
         rows[degree - len(piece) :, k] = piece
-    return Piecewise(np.array(shape.breaks), rows)
+    return multibody_laws.Piecewise(np.array(shape.breaks), rows)
 
 
 def _to_arrays(surface: body.Surface) -> surfaces.Surface:
     return surfaces.Surface(surface.kind, surface.numbers)
 
 
-def evaluate_law(law: body.Law, values: Mapping[str, Any]) -> Any:
+def evaluate_law(law: body.Law, values: abc.Mapping[str, Any]) -> Any:
     """A law's value; ``values`` holds coordinates and parameters by name, numbers or arrays."""
     total: Any = 0.0
     for term in law.terms:
@@ -134,7 +126,7 @@ def evaluate_shape(shape: body.Shape, x: ArrayLike) -> Array:
     return to_piecewise(shape).evaluate(np.asarray(x, dtype=float))[0]
 
 
-def compile_model(model: body.BodyModel, markers: Sequence[str] | None = None) -> tree.Tree:
+def compile_model(model: body.BodyModel, markers: abc.Sequence[str] | None = None) -> tree.Tree:
     """Compile a model, with some or all of its markers in the order given.
 
     Segments that carry none of the markers are left out, for nothing seen depends on them. A model
@@ -145,7 +137,7 @@ def compile_model(model: body.BodyModel, markers: Sequence[str] | None = None) -
     return compile_points(model, model.markers if markers is None else [model.marker(m) for m in markers])
 
 
-def compile_points(model: body.BodyModel, points: Sequence[body.Marker]) -> tree.Tree:
+def compile_points(model: body.BodyModel, points: abc.Sequence[body.Marker]) -> tree.Tree:
     """The same with any points in place of the model's markers."""
     return _compile_cached(_Same(model), tuple(points))
 
@@ -175,7 +167,9 @@ def _compile_cached(same: _Same, chosen: tuple[body.Marker, ...]) -> tree.Tree:
     kept = [s for s in model.segments if s.name in needed]
     number = {segment.name: k for k, segment in enumerate(kept)}
     links = tuple(
-        Link(NONE if s.parent == body.GROUND else number[s.parent], _list_moves(s.joints, index))
+        multibody_laws.Link(
+            multibody_laws.NONE if s.parent == body.GROUND else number[s.parent], _list_moves(s.joints, index)
+        )
         for s in kept
     )
     local = np.array([m.nominal for m in chosen]).reshape(-1, 3)
@@ -260,11 +254,11 @@ def _move(end: body.Marker, by: Array) -> tuple[body.Law, body.Law, body.Law]:
 
 def _list_marker_terms(row: int, marker: body.Marker, index: _Index) -> list[tree.MarkerTerm]:
     """Terms along different axes that follow one factor with known gains are one term."""
-    known: dict[int, TermArrays] = {}
-    free: list[TermArrays] = []
+    known: dict[int, multibody_laws.TermArrays] = {}
+    free: list[multibody_laws.TermArrays] = []
     for axis, law in zip(_AXES, marker.laws, strict=True):
         for term in index.terms(law, axis)[1]:
-            if term.parameter != NONE:
+            if term.parameter != multibody_laws.NONE:
                 free.append(term)
             elif (same := known.get(term.factor)) is not None:
                 known[term.factor] = replace(same, gain=same.gain + term.gain)
@@ -273,8 +267,8 @@ def _list_marker_terms(row: int, marker: body.Marker, index: _Index) -> list[tre
     return [tree.MarkerTerm(row, term) for term in (*known.values(), *free)]
 
 
-def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]:
-    moves: list[Move] = []
+def _list_moves(joints: abc.Sequence[body.Joint], index: _Index) -> tuple[multibody_laws.Move, ...]:
+    moves: list[multibody_laws.Move] = []
     pending = _AXES  # a constant rotation not yet written down
     for joint in joints:
         axis = np.asarray(joint.axis, dtype=float)
@@ -282,10 +276,10 @@ def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]
             direction = pending @ axis
             constant, terms = index.terms(joint.law, direction)
             constant = constant * direction
-            if moves and isinstance(last := moves[-1], Shift):
-                moves[-1] = Shift(last.constant + constant, last.terms + terms)
+            if moves and isinstance(last := moves[-1], multibody_laws.Shift):
+                moves[-1] = multibody_laws.Shift(last.constant + constant, last.terms + terms)
             elif terms or constant.any():
-                moves.append(Shift(constant, terms))
+                moves.append(multibody_laws.Shift(constant, terms))
             continue
         constant, terms = index.terms(joint.law, np.ones(1))
         if not terms:
@@ -293,17 +287,17 @@ def _list_moves(joints: Sequence[body.Joint], index: _Index) -> tuple[Move, ...]
             continue
         aligned, number, sign = _to_coordinate_axis(pending @ axis)
         if aligned is not None:
-            moves.append(Fixed(aligned))
+            moves.append(multibody_laws.Fixed(aligned))
             pending = aligned.T @ pending
         moves.append(
-            Turn(
+            multibody_laws.Turn(
                 number,
                 sign * constant,
-                tuple(TermArrays(sign * t.gain, t.parameter, t.factor) for t in terms),
+                tuple(multibody_laws.TermArrays(sign * t.gain, t.parameter, t.factor) for t in terms),
             )
         )
     if np.abs(pending - _AXES).max() > 1e-15:
-        moves.append(Fixed(pending))
+        moves.append(multibody_laws.Fixed(pending))
     return tuple(moves)
 
 

@@ -12,13 +12,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scaling_service.core import errors
-from scaling_service.model.body import BodyModel, Law
-
-if TYPE_CHECKING:
-    pass
+from scaling_service.model import body
 
 SCHEMA_VERSION = 1
 """Raised when a document written before can no longer be read by the code after."""
@@ -27,7 +24,7 @@ _INFINITE = {"inf": math.inf, "-inf": -math.inf}
 _UNIT_TOLERANCE = 1e-9  # chosen: about a hundred roundings of a double above a normalised axis
 
 
-def to_document(model: BodyModel) -> dict[str, Any]:
+def to_document(model: body.BodyModel) -> dict[str, Any]:
     """A model as dictionaries, lists, strings, numbers and booleans.
 
     Accepted by ``json.dumps(..., allow_nan=False)``; m, rad, kg and kg m2 throughout.
@@ -48,7 +45,7 @@ def to_document(model: BodyModel) -> dict[str, Any]:
     return {"schema_version": SCHEMA_VERSION, **content}
 
 
-def from_document(document: Mapping[str, Any], *, file: str | Path | None = None) -> BodyModel:
+def from_document(document: Mapping[str, Any], *, file: str | Path | None = None) -> body.BodyModel:
     """The model that a document describes.
 
     ``document``: as :func:`to_document` makes it. Unknown keys are errors.
@@ -72,7 +69,7 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
     # In a tuple, so that the configuration holds for the standard library's dataclasses within.
-    models = TypeAdapter(tuple[BodyModel], config=ConfigDict(extra="forbid", strict=True))
+    models = TypeAdapter(tuple[body.BodyModel], config=ConfigDict(extra="forbid", strict=True))
     try:
         (model,) = models.validate_json(json.dumps([_convert_numbers(content)]))
     except ValidationError as error:
@@ -126,11 +123,11 @@ def _is_default(item: Field[Any], value: object) -> bool:
     return item.default is not MISSING and value == item.default and repr(value) == repr(item.default)
 
 
-def _check_names(model: BodyModel, file: str | Path | None) -> None:
+def _check_names(model: body.BodyModel, file: str | Path | None) -> None:
     """Every coordinate, parameter and segment that is named must exist, every axis be a unit vector."""
     coordinates, parameters = set(model.coordinate_names), {p.name for p in model.parameters}
 
-    def check(law: Law, where: str) -> None:
+    def check(law: body.Law, where: str) -> None:
         for term in law.terms:
             for name in term.coordinates:
                 _must_exist(name, coordinates, "coordinate", where, file)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ pressure is the quotient of moment and force, so its error grows as 1/F: at 20 N
 cross-talk) move it by 25 mm. Laboratories use 10 to 50 N; chosen: 20 N."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class RawPlate:
     """One force plate of a recording, in SI units, in its own axes."""
 
@@ -30,7 +30,7 @@ class RawPlate:
     signals: Array  # (n, 6 or 8), N, N m or m
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PlateRecording:
     """All plates of a recording on their clock."""
 
@@ -40,7 +40,7 @@ class PlateRecording:
     repairs: tuple[Repair, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class GroundForces:
     """Wrenches of the ground on the body."""
 
@@ -51,7 +51,7 @@ class GroundForces:
     moment: Array  # (n, k, 3), N m: about the origin of the axes
     surfaces: Array  # (k, 3), m: a point of each plate's surface
     normals: Array  # (k, 3): unit vectors square to the surfaces, upwards
-    repairs: tuple[Repair, ...] = field(default=())
+    repairs: tuple[Repair, ...] = dataclasses.field(default=())
     read: Array | None = None
     """(n, k): how much of each sample comes from readings, 0 to 1, where filters have mixed samples."""
     corners: Array | None = None  # (k, 4, 3), m: of each plate, round its rim; None where no file tells them
@@ -109,7 +109,7 @@ class GroundForces:
 
     def change(self, *repairs: Repair, **fields: object) -> GroundForces:
         """The same with some fields replaced and what was done noted."""
-        return replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
+        return dataclasses.replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
 
 
 def list_plate_names(count: int) -> tuple[str, ...]:
@@ -117,7 +117,7 @@ def list_plate_names(count: int) -> tuple[str, ...]:
     return tuple(f"plate_{k + 1}" for k in range(count))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SegmentLoads:
     """Wrenches from outside on named segments."""
 

@@ -5,8 +5,8 @@ What the tables' numbers mean is described in ``reference_models/README.md``, se
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -15,9 +15,7 @@ from pydantic import TypeAdapter
 
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.model import reference
-from scaling_service.model.body import BodyModel, Marker, Tensor, to_vector
-from scaling_service.model.body import to_tensor as as_tensor
+from scaling_service.model import body, reference
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody.tree import Tree
@@ -28,7 +26,7 @@ TABLE_NAMES: tuple[str, ...] = ("dumas2007", "dumas_wojtusch2018", "deleva1996",
 """Dumas et al. 2007; Dumas and Wojtusch 2018; de Leva 1996; Winter 2009 (Dempster)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class InertiaRow:
     """One segment of one sex."""
 
@@ -46,7 +44,7 @@ class InertiaRow:
     """xy, xz, yz, % of L: the product of inertia is ``sign * mass * (v L)^2``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class InertiaTable:
     """One published table."""
 
@@ -98,7 +96,7 @@ def read_inertia_table(name: str) -> InertiaTable:
     return TypeAdapter(InertiaTable).validate_python(content)
 
 
-def compile_mechanism(model: BodyModel) -> motion.Mechanism:
+def compile_mechanism(model: body.BodyModel) -> motion.Mechanism:
     """Compile a model with all its segments, in the model's order, and their inertias.
 
     The tree carries one marker per segment, at its centre of mass.
@@ -114,12 +112,14 @@ def compile_mechanism(model: BodyModel) -> motion.Mechanism:
     return motion.Mechanism(compile_whole_tree(model), gather_inertias(model))
 
 
-def compile_whole_tree(model: BodyModel) -> Tree:
+def compile_whole_tree(model: body.BodyModel) -> Tree:
     """A tree with every segment of the model, in its order, and one marker on each: its centre of mass."""
-    return compile_model(model.with_markers(tuple(Marker.at(s.name, s.name, s.com) for s in model.segments)))
+    return compile_model(
+        model.with_markers(tuple(body.Marker.at(s.name, s.name, s.com) for s in model.segments))
+    )
 
 
-def gather_inertias(model: BodyModel) -> motion.Inertias:
+def gather_inertias(model: body.BodyModel) -> motion.Inertias:
     """Masses, centres of mass and tensors of all segments, in the model's order."""
     mass = np.array([s.mass for s in model.segments], dtype=float)
     com = np.array([s.com for s in model.segments], dtype=float).reshape(-1, 3)
@@ -127,7 +127,7 @@ def gather_inertias(model: BodyModel) -> motion.Inertias:
     return motion.Inertias(mass, com, tensors)
 
 
-def to_matrix(numbers: Tensor) -> Array:
+def to_matrix(numbers: body.Tensor) -> Array:
     """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
     tensor = np.empty((3, 3))
     for (i, j), value in zip(motion.TENSOR, numbers, strict=True):
@@ -135,20 +135,20 @@ def to_matrix(numbers: Tensor) -> Array:
     return tensor
 
 
-def with_inertias(model: BodyModel, inertias: motion.Inertias) -> BodyModel:
+def with_inertias(model: body.BodyModel, inertias: motion.Inertias) -> body.BodyModel:
     """The model with other masses, centres of mass and tensors, in the order of its segments."""
     segments = tuple(
-        replace(s, mass=float(m), com=to_vector(c), inertia=take_six(t))
+        dataclasses.replace(s, mass=float(m), com=body.to_vector(c), inertia=take_six(t))
         for s, m, c, t in zip(model.segments, inertias.mass, inertias.com, inertias.tensor, strict=True)
     )
-    return replace(model, segments=segments)
+    return dataclasses.replace(model, segments=segments)
 
 
-def take_six(matrix: Array) -> Tensor:
+def take_six(matrix: Array) -> body.Tensor:
     """xx, yy, zz, xy, xz, yz of a matrix (3, 3)."""
-    return as_tensor(matrix[i, j] for i, j in motion.TENSOR)
+    return body.to_tensor(matrix[i, j] for i, j in motion.TENSOR)
 
 
-def sum_mass(model: BodyModel) -> float:
+def sum_mass(model: body.BodyModel) -> float:
     """The sum of all segments' masses, kg."""
     return float(sum(s.mass for s in model.segments))

@@ -6,8 +6,8 @@ The sets, each with its source, are in ``reference_models/marker_sets``, the lan
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+import dataclasses
+from collections import abc
 from functools import cache
 from types import MappingProxyType
 from typing import Any, Literal
@@ -17,7 +17,7 @@ from scaling_service.model import reference
 Side = Literal["r", "l", ""]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Landmark:
     """A place that can be felt through the skin."""
 
@@ -28,7 +28,7 @@ class Landmark:
     aliases: tuple[str, ...] = ()  # names that belong to no marker set
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class SetLabel:
     """One label of a marker set, and what it stands for."""
 
@@ -50,7 +50,7 @@ class SetLabel:
         return (self.label, *self.aliases)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerSet:
     """A marker set."""
 
@@ -65,7 +65,7 @@ class MarkerSet:
 
 
 @cache
-def list_landmarks() -> Mapping[str, Landmark]:
+def list_landmarks() -> abc.Mapping[str, Landmark]:
     """All landmarks that are known, both sides, by name."""
     content = reference.read_reference(reference.find_reference_folder() / "landmarks.yaml")
     found: dict[str, Landmark] = {}
@@ -78,13 +78,13 @@ def list_landmarks() -> Mapping[str, Landmark]:
 
 
 @cache
-def list_marker_sets() -> Mapping[str, MarkerSet]:
+def list_marker_sets() -> abc.Mapping[str, MarkerSet]:
     """All marker sets that come with the product, by name."""
     contents = {name: reference.read_reference(file) for name, file in reference.list_marker_set_files()}
     return MappingProxyType({name: _set(name, contents) for name in contents})
 
 
-def _set(name: str, contents: Mapping[str, Any]) -> MarkerSet:
+def _set(name: str, contents: abc.Mapping[str, Any]) -> MarkerSet:
     content = contents[name]
     own = MarkerSet(
         name=name,
@@ -98,10 +98,10 @@ def _set(name: str, contents: Mapping[str, Any]) -> MarkerSet:
     if "extends" not in content:
         return own
     base = _set(content["extends"], contents)
-    return replace(own, labels=(*base.labels, *own.labels), one_of=(*base.one_of, *own.one_of))
+    return dataclasses.replace(own, labels=(*base.labels, *own.labels), one_of=(*base.one_of, *own.one_of))
 
 
-def _label(name: str, side: Side, entry: Mapping[str, Any]) -> SetLabel:
+def _label(name: str, side: Side, entry: abc.Mapping[str, Any]) -> SetLabel:
     landmark = entry.get("landmark")
     known = None if landmark is None else list_landmarks()[_name_on_side(side, landmark)]
     return SetLabel(
@@ -117,7 +117,7 @@ def _label(name: str, side: Side, entry: Mapping[str, Any]) -> SetLabel:
     )
 
 
-def _list_entries(content: Mapping[str, Any]) -> Iterator[tuple[str, Side, Mapping[str, Any]]]:
+def _list_entries(content: abc.Mapping[str, Any]) -> abc.Iterator[tuple[str, Side, abc.Mapping[str, Any]]]:
     """Names of both sides and of the midline, with what is written of each."""
     for name, entry in content.get("sided", {}).items():
         yield name, "r", entry

@@ -7,7 +7,7 @@ frames; :func:`fold` turns the parameters back into plain numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections import abc
 from dataclasses import replace
 from typing import Literal
 
@@ -22,7 +22,7 @@ _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 LETTERS = "xyz"
 UNITS = (_ALONG_X, _ALONG_Y, (0.0, 0.0, 1.0))
 
-_TURNS: Mapping[KneeKind, tuple[str, ...]] = {
+_TURNS: abc.Mapping[KneeKind, tuple[str, ...]] = {
     "hinge": (),
     "universal": ("rotation",),
     "spherical": ("adduction", "rotation"),
@@ -31,9 +31,9 @@ _TURNS: Mapping[KneeKind, tuple[str, ...]] = {
 then about the shank's. A knee's second freedom is the turn of the shank: 10 to 20 deg against a few of varus
 and valgus (Grood and Suntay 1983), so that is what a joint of two axes takes."""
 
-_KNEE_AXES: Mapping[str, body.Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
+_KNEE_AXES: abc.Mapping[str, body.Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
 
-_RANGE_DEG: Mapping[str, float] = {"adduction": 20.0, "rotation": 40.0}
+_RANGE_DEG: abc.Mapping[str, float] = {"adduction": 20.0, "rotation": 40.0}
 """To either side. Chosen: about twice what knees reach, for skin movement is taken for knee movement. They
 inform the first guess, they do not bind."""
 
@@ -84,8 +84,8 @@ def free_scale_axes(
 def _resize_segment(
     model: body.BodyModel,
     segment: str,
-    resized: Callable[[body.Joint], tuple[body.Joint, ...]],
-    shares: Mapping[str, Mapping[str, float]],
+    resized: abc.Callable[[body.Joint], tuple[body.Joint, ...]],
+    shares: abc.Mapping[str, abc.Mapping[str, float]],
     relative_bound: float,
     prior_sd: float | None,
 ) -> body.BodyModel:
@@ -122,7 +122,7 @@ def _resize_segment(
     return _with(_map_markers(replace(model, segments=segments), marker), *added)
 
 
-def _multiply_law(law: body.Law, shares: Mapping[str, float], *, constant_only: bool = False) -> body.Law:
+def _multiply_law(law: body.Law, shares: abc.Mapping[str, float], *, constant_only: bool = False) -> body.Law:
     """The law times a weighted sum of parameters: each term once for each of them."""
     terms: list[body.Term] = []
     for term in law.terms:
@@ -215,7 +215,7 @@ def free_marker(
     return _with(_map_model(model, lambda joint: joint, marker), *added)
 
 
-def fold(model: body.BodyModel, values: Mapping[str, float] | None = None) -> body.BodyModel:
+def fold(model: body.BodyModel, values: abc.Mapping[str, float] | None = None) -> body.BodyModel:
     """The model with its parameters turned into plain numbers.
 
     ``values``: parameter to value; those not named keep the model's.
@@ -240,14 +240,14 @@ def fold(model: body.BodyModel, values: Mapping[str, float] | None = None) -> bo
 
 def _map_model(
     model: body.BodyModel,
-    joint: Callable[[body.Joint], body.Joint],
-    marker: Callable[[body.Marker], body.Marker],
+    joint: abc.Callable[[body.Joint], body.Joint],
+    marker: abc.Callable[[body.Marker], body.Marker],
 ) -> body.BodyModel:
     segments = tuple(replace(s, joints=tuple(map(joint, s.joints))) for s in model.segments)
     return _map_markers(replace(model, segments=segments), marker)
 
 
-def _map_markers(model: body.BodyModel, marker: Callable[[body.Marker], body.Marker]) -> body.BodyModel:
+def _map_markers(model: body.BodyModel, marker: abc.Callable[[body.Marker], body.Marker]) -> body.BodyModel:
     """Markers, and ends of constraints, changed alike."""
     ends = (replace(c, ends=tuple(map(marker, c.ends))) for c in model.constraints)
     return replace(model, markers=tuple(map(marker, model.markers)), constraints=tuple(ends))

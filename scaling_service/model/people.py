@@ -6,7 +6,7 @@ SI and radians.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -82,19 +82,19 @@ class People:
     skin_over_asis: tuple[float, float]  # mean and SD, m, forward
     skin_over_psis: tuple[float, float]  # mean and SD, m, backward
     knee_axis_sd: float  # rad
-    palpation: Mapping[str, body.Vector]  # m
+    palpation: abc.Mapping[str, body.Vector]  # m
     palpation_other: body.Vector  # m
     opposite: tuple[Opposite, ...]
     skin_rows: tuple[tuple[tuple[str, ...], SkinSize], ...]
     skin_other: SkinSize
-    skin_at_joints: Mapping[str, float]  # m
-    skin_on_trunk: Mapping[str, float]  # m
+    skin_at_joints: abc.Mapping[str, float]  # m
+    skin_on_trunk: abc.Mapping[str, float]  # m
     image_hip: float  # m
     image_centre: float  # m
     image_axis_sd: float  # rad
     image_marker: float  # m
-    landmark_points: Mapping[str, float]  # of bones, without side; m, root mean square distance in space
-    landmark_axes: Mapping[str, float]  # rad
+    landmark_points: abc.Mapping[str, float]  # of bones, without side; m, root mean square distance in space
+    landmark_axes: abc.Mapping[str, float]  # rad
     reach_mediolateral: float  # rad
     reach_other: float  # rad
     recorded_share: float
@@ -119,7 +119,7 @@ class People:
         )
 
     def skin_covariance(
-        self, segment: str, landmarks: Sequence[str | None], places: Array, share: float = 1.0
+        self, segment: str, landmarks: abc.Sequence[str | None], places: Array, share: float = 1.0
     ) -> Array:
         """Of the displacements of one segment's markers, (3 m, 3 m), m2: marker by marker, x, y, z.
 
@@ -165,7 +165,7 @@ def read_people() -> People:
     >>> read_people().skin("femur_r").shift
     0.006
     """
-    table: Mapping[str, Any] = reference.read_reference(reference.find_reference_folder() / "people.yaml")
+    table: abc.Mapping[str, Any] = reference.read_reference(reference.find_reference_folder() / "people.yaml")
     hip, spines, skin, image = (table[name] for name in ("hip", "skin_over_spines", "skin", "image"))
     return People(
         hip_regressions=tuple(hip["regressions"]),
@@ -199,7 +199,7 @@ def read_people() -> People:
     )
 
 
-def predict_difference(raters: float, persons: float, seen: Sequence[float], axes: int) -> float:
+def predict_difference(raters: float, persons: float, seen: abc.Sequence[float], axes: int) -> float:
     """The root mean square by which 95 of 100 differences of another person are held, as of Gaussian errors.
 
     Few persons tell a variance badly: their difference from a new one is Student's t in ``axes`` directions
@@ -219,7 +219,7 @@ def predict_difference(raters: float, persons: float, seen: Sequence[float], axe
     return float(np.sqrt(square * fdtri(axes, axes * count, 0.95) / gaussian))
 
 
-def _predict(row: Mapping[str, Any], axes: int) -> float:
+def _predict(row: abc.Mapping[str, Any], axes: int) -> float:
     """Of a row of ``landmarks``; what raters say where no person was seen."""
     if "seen" not in row:
         return float(row["raters"])
@@ -231,11 +231,11 @@ def _metres(millimetres: Any) -> body.Vector:
     return body.to_vector(round(1e-3 * float(value), 9) for value in millimetres)
 
 
-def _read_singles(table: Mapping[str, Any]) -> dict[str, float]:
+def _read_singles(table: abc.Mapping[str, Any]) -> dict[str, float]:
     return {name: round(1e-3 * size, 9) for name, size in table["single_mm"].items()}
 
 
-def _read_skin(row: Mapping[str, Any]) -> SkinSize:
+def _read_skin(row: abc.Mapping[str, Any]) -> SkinSize:
     return SkinSize(
         shift=round(1e-3 * row["shift_mm"], 9),
         turn=float(np.radians(row["turn_deg"])),

@@ -6,15 +6,15 @@ kernels that do the same for thousands of frames at once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import GROUND, BodyModel, Joint, Marker, Vector
-from scaling_service.model.compile import compile_points, evaluate_law, list_parameter_values
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import pose_markers
 
@@ -26,7 +26,7 @@ _BLOCK = 4096
 """Frames at a time. Chosen: some tens of megabytes for a whole body."""
 
 
-def list_model_values(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, float]:
+def list_model_values(model: BodyModel, values: abc.Mapping[str, float] | None = None) -> dict[str, float]:
     """Coordinates at their default and parameters at their value, unless ``values`` says otherwise.
 
     ``values``: coordinate or parameter name to its value, rad or m. KeyError: a name that the model does not
@@ -40,7 +40,7 @@ def list_model_values(model: BodyModel, values: Mapping[str, float] | None = Non
     return known
 
 
-def pose_neutral_frames(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Frame]:
+def pose_neutral_frames(model: BodyModel, values: abc.Mapping[str, float] | None = None) -> dict[str, Frame]:
     """The frame of every segment in one pose.
 
     ``values``: coordinates (or parameters) that differ from the default, rad or m. Returns segment to
@@ -62,11 +62,11 @@ def pose_neutral_frames(model: BodyModel, values: Mapping[str, float] | None = N
     return frames
 
 
-def follow(joints: Sequence[Joint], values: Mapping[str, float], start: Frame | None = None) -> Frame:
+def follow(joints: abc.Sequence[Joint], values: abc.Mapping[str, float], start: Frame | None = None) -> Frame:
     """The frame that a chain of joints leads to from ``start`` (by default from its own parent's frame)."""
     rotation, origin = start if start is not None else (np.eye(3), np.zeros(3))
     for joint in joints:
-        value = evaluate_law(joint.law, values)
+        value = compiling.evaluate_law(joint.law, values)
         if value == 0.0:  # as most are in a neutral pose
             continue
         if joint.kind == "translation":
@@ -76,7 +76,7 @@ def follow(joints: Sequence[Joint], values: Mapping[str, float], start: Frame | 
     return rotation, origin
 
 
-def pose_neutral_markers(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Array]:
+def pose_neutral_markers(model: BodyModel, values: abc.Mapping[str, float] | None = None) -> dict[str, Array]:
     """Position of every marker in ground in one pose, each (3,), m; see :func:`pose_neutral_frames`."""
     known, frames = list_model_values(model, values), pose_neutral_frames(model, values)
     positions = {}
@@ -86,9 +86,9 @@ def pose_neutral_markers(model: BodyModel, values: Mapping[str, float] | None = 
     return positions
 
 
-def evaluate_marker(marker: Marker, values: Mapping[str, float]) -> Array:
+def evaluate_marker(marker: Marker, values: abc.Mapping[str, float]) -> Array:
     """A marker's position in its segment's frame, (3,), m."""
-    return np.array([evaluate_law(law, values) for law in marker.laws])
+    return np.array([compiling.evaluate_law(law, values) for law in marker.laws])
 
 
 def pose_segments(model: BodyModel, q: Array) -> Array:
@@ -173,7 +173,7 @@ def _place_known(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Arra
     """Points as if all were known: any value stands in for an unknown angle."""
     placed = np.empty((len(q), len(points), 3))
     if points:
-        tree, p = compile_points(model, points), list_parameter_values(model)
+        tree, p = compiling.compile_points(model, points), compiling.list_parameter_values(model)
         for rows in (slice(k, k + _BLOCK) for k in range(0, len(q), _BLOCK)):
             placed[rows] = pose_markers(tree, np.nan_to_num(q[rows], nan=0.0), p)
     return placed

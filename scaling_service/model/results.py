@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from scaling_service.model import body
 from scaling_service.model.trial import ImagePose
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Motion:
     """The coordinates of a model over one trial, with what they leave unexplained."""
 
@@ -27,7 +27,7 @@ class Motion:
     residuals: Array  # (n_frames, n_markers, 3), m: measured minus model; NaN where the marker was not seen
     estimated: tuple[str, ...]  # coordinates that the recording determines; the others stand at their default
     iterations: int = 0
-    turns: Mapping[str, Array] = field(default_factory=dict)
+    turns: Mapping[str, Array] = dataclasses.field(default_factory=dict)
     """Measured rotation to how far the model's is from it, (n_frames,), rad; NaN where not measured."""
 
     def __repr__(self) -> str:
@@ -45,7 +45,7 @@ class Motion:
         return self.q[:, self.coordinates.index(coordinate)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatedParameter:
     """A fitted number with its uncertainty.
 
@@ -63,7 +63,7 @@ class EstimatedParameter:
     target: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentSize:
     """A segment's size over the generic model's, and what it rests on."""
 
@@ -82,7 +82,7 @@ class SegmentSize:
         return 1.0 - self.measured - self.others
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class EstimatedCentre:
     """How a joint centre of the person was found in a recording.
 
@@ -93,7 +93,7 @@ class EstimatedCentre:
     sd: body.Vector
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class JointMove:
     """How an image moved a joint of an OpenSim model, beyond what the scale factors do."""
 
@@ -109,7 +109,7 @@ class JointMove:
     """How far that moves the child's origin, m, in the frame that the child had before."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Calibration:
     """A scaled model and how it came about."""
 
@@ -117,7 +117,7 @@ class Calibration:
     model: body.BodyModel  # with all parameters folded in; generic is what it was made from
     generic: body.BodyModel
     scale_factors: Mapping[str, body.Vector]  # segment to its x, y, z factors against the generic model
-    axis_tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    axis_tilts: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     """Knee (joint name) to the turns of its axis about x and y of the thigh, rad."""
     parameters: tuple[EstimatedParameter, ...] = ()
     cost: float = float("nan")
@@ -126,13 +126,13 @@ class Calibration:
     wall_s: float = 0.0
     warnings: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()  # of the warnings: what markers and images say against each other
-    image_poses: Mapping[str, ImagePose] = field(default_factory=dict)
+    image_poses: Mapping[str, ImagePose] = dataclasses.field(default_factory=dict)
     """Segment to where its frame lies in the image, for those that were imaged."""
-    sizes: Mapping[str, SegmentSize] = field(default_factory=dict)
+    sizes: Mapping[str, SegmentSize] = dataclasses.field(default_factory=dict)
     """Segment to its estimated size, where markers and anthropometry gave it."""
-    centres: Mapping[str, EstimatedCentre] = field(default_factory=dict)
+    centres: Mapping[str, EstimatedCentre] = dataclasses.field(default_factory=dict)
     """``hip_r`` … to how the person's joint centre was found."""
-    bone_sized: Mapping[str, str] = field(default_factory=dict)
+    bone_sized: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Segment to whose bone sizes it, for those that images size: ``own`` or ``other leg``."""
-    joint_moves: Mapping[str, JointMove] = field(default_factory=dict)
+    joint_moves: Mapping[str, JointMove] = dataclasses.field(default_factory=dict)
     """Joint to how images moved it, for OpenSim models; ``axis_tilts`` come after these turns."""

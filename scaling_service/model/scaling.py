@@ -8,31 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import (
-    BodyModel,
-    Constraint,
-    Coupler,
-    Joint,
-    Law,
-    Marker,
-    Segment,
-    Tensor,
-    Vector,
-    to_tensor,
-    to_vector,
-)
+from scaling_service.model import body
 
 _MASSLESS = 2.0**-52
 """kg; OpenSim's Body::scaleInertialProperties takes lighter bodies as massless (SimTK::Eps)."""
 
 
 def scale_model(
-    model: BodyModel,
-    factors: Mapping[str, Vector],
+    model: body.BodyModel,
+    factors: Mapping[str, body.Vector],
     *,
     mass_kg: float | None = None,
     preserve_mass_distribution: bool = True,
-) -> BodyModel:
+) -> body.BodyModel:
     """Scale the geometry and inertia of a model.
 
     ``factors``: segment to its factors along its x, y and z axes. A built-in model takes one factor thrice.
@@ -76,7 +64,8 @@ def scale_model(
     if mass_kg is not None:
         ratio = mass_kg / sum(s.mass for s in segments)
         segments = tuple(
-            replace(s, mass=s.mass * ratio, inertia=to_tensor(np.array(s.inertia) * ratio)) for s in segments
+            replace(s, mass=s.mass * ratio, inertia=body.to_tensor(np.array(s.inertia) * ratio))
+            for s in segments
         )
     return replace(
         model,
@@ -87,7 +76,7 @@ def scale_model(
     )
 
 
-def _scale_segment(segment: Segment, factors: Mapping[str, Vector], preserve: bool) -> Segment:
+def _scale_segment(segment: body.Segment, factors: Mapping[str, body.Vector], preserve: bool) -> body.Segment:
     joints = tuple(scale_joint(joint, factors) for joint in segment.joints)
     if segment.name not in factors:
         return replace(segment, joints=joints)
@@ -97,12 +86,12 @@ def _scale_segment(segment: Segment, factors: Mapping[str, Vector], preserve: bo
         segment,
         joints=joints,
         mass=mass,
-        com=to_vector(np.array(segment.com) * f),
+        com=body.to_vector(np.array(segment.com) * f),
         inertia=_scale_inertia(segment, mass, np.array(f)),
     )
 
 
-def scale_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
+def scale_joint(joint: body.Joint, factors: Mapping[str, body.Vector]) -> body.Joint:
     """A joint with its translation multiplied by the factors of the segment it scales with."""
     segment = joint.scales_with
     if joint.kind != "translation" or segment is None or segment not in factors:
@@ -114,10 +103,10 @@ def scale_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
     length = float(np.linalg.norm(direction))
     if np.count_nonzero(direction) == 1:  # keep a coordinate axis free of rounding
         return replace(joint, law=joint.law.scale(length))
-    return replace(joint, axis=to_vector(direction / length), law=joint.law.scale(length))
+    return replace(joint, axis=body.to_vector(direction / length), law=joint.law.scale(length))
 
 
-def _scale_marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
+def _scale_marker(marker: body.Marker, factors: Mapping[str, body.Vector]) -> body.Marker:
     if not marker.follows_size or marker.segment not in factors:
         return marker
     f = factors[marker.segment]
@@ -125,7 +114,9 @@ def _scale_marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
     return replace(marker, laws=(x, y, z))
 
 
-def _scale_coupler(coupler: Coupler, model: BodyModel, factors: Mapping[str, Vector]) -> Coupler:
+def _scale_coupler(
+    coupler: body.Coupler, model: body.BodyModel, factors: Mapping[str, body.Vector]
+) -> body.Coupler:
     """A dependent translation grows with the joint that it drives (recognised by the same law)."""
     for _, joint in model.joints():
         if joint.kind == "translation" and joint.scales_with in factors and joint.law == coupler.law:
@@ -133,26 +124,28 @@ def _scale_coupler(coupler: Coupler, model: BodyModel, factors: Mapping[str, Vec
     return coupler
 
 
-def _scale_constraint(constraint: Constraint, model: BodyModel, factors: Mapping[str, Vector]) -> Constraint:
+def _scale_constraint(
+    constraint: body.Constraint, model: body.BodyModel, factors: Mapping[str, body.Vector]
+) -> body.Constraint:
     """Ends follow their segments; what a translation follows grows with the joint that it drives."""
     ends = tuple(_scale_marker(end, factors) for end in constraint.ends)
     if constraint.kind == "law":
         first, *others = constraint.law.terms
         for segment, joint in model.joints():
-            driven = joint.kind == "translation" and joint.law == Law((replace(first, gain=1.0),))
+            driven = joint.kind == "translation" and joint.law == body.Law((replace(first, gain=1.0),))
             if driven and segment.parent in factors:
                 size = float(np.linalg.norm(np.array(joint.axis) * np.array(factors[segment.parent])))
-                return replace(constraint, law=Law((first,)) + Law(tuple(others)).scale(size))
+                return replace(constraint, law=body.Law((first,)) + body.Law(tuple(others)).scale(size))
     return replace(constraint, ends=ends)
 
 
-def _scale_inertia(segment: Segment, mass: float, f: Array) -> Tensor:
+def _scale_inertia(segment: body.Segment, mass: float, f: Array) -> body.Tensor:
     """Inertia after scaling, as OpenSim's Body::scaleInertialProperties."""
     inertia = np.array(segment.inertia)
     if mass <= _MASSLESS:
-        return to_tensor(0.0 * inertia)
+        return body.to_tensor(0.0 * inertia)
     if np.allclose(f, f[0], rtol=1e-14, atol=0.0):
-        return to_tensor(inertia * f[0] ** 2 * mass / segment.mass)
+        return body.to_tensor(inertia * f[0] ** 2 * mass / segment.mass)
     along = int(np.argmin(inertia[:3]))  # of least inertia, ties decided as OpenSim does
     across = 1 if along == 0 else 0
     radius2 = max(0.0, 2.0 * inertia[along] / segment.mass)
@@ -163,4 +156,4 @@ def _scale_inertia(segment: Segment, mass: float, f: Array) -> Tensor:
     result[along] = 0.5 * mass * radius2
     pairs = np.array([f[0] * f[1], f[0] * f[2], f[1] * f[2]])
     result[3:] = inertia[3:] * pairs * mass / segment.mass
-    return to_tensor(result)
+    return body.to_tensor(result)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -16,7 +16,7 @@ _NOTHING: Mapping[str, str] = MappingProxyType({})
 _NO_SIZES: Mapping[str, float] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Subject:
     """A subject file after validation: names and absolute paths, nothing read yet.
 
@@ -68,29 +68,29 @@ class Subject:
 
     id: str
     model: str
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     sex: Literal["F", "M"] | None = None
     height_m: float | None = None
     mass_kg: float | None = None
     marker_set: Path | None = None
     scale_setup: Path | None = None
-    marker_map: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
-    extra_markers: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    marker_map: Mapping[str, str] = dataclasses.field(default_factory=lambda: _NOTHING)
+    extra_markers: Mapping[str, str] = dataclasses.field(default_factory=lambda: _NOTHING)
     static: Path | None = None
     calibration: tuple[Path, ...] = ()
     evaluation: tuple[Path, ...] = ()
-    forces: Mapping[str, Path] = field(default_factory=dict)
-    corrections: Mapping[str, tuple[trial.Relabelling, ...]] = field(default_factory=dict)
-    mirrored: Mapping[str, str] = field(default_factory=dict)
-    events: Mapping[str, tuple[trial.GaitEvent, ...]] = field(default_factory=dict)
-    bones: Mapping[str, Path] = field(default_factory=dict)
+    forces: Mapping[str, Path] = dataclasses.field(default_factory=dict)
+    corrections: Mapping[str, tuple[trial.Relabelling, ...]] = dataclasses.field(default_factory=dict)
+    mirrored: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    events: Mapping[str, tuple[trial.GaitEvent, ...]] = dataclasses.field(default_factory=dict)
+    bones: Mapping[str, Path] = dataclasses.field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
-    bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    bone_bodies: Mapping[str, str] = dataclasses.field(default_factory=lambda: _NOTHING)
     image_markers: Path | None = None
-    sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
+    sizes_m: Mapping[str, float] = dataclasses.field(default_factory=lambda: _NO_SIZES)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Measurement:
     """One measurement of a linear scaling: marker pairs whose mean length ratio scales segments.
 
@@ -102,7 +102,7 @@ class Measurement:
     axes: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerPlacement:
     """OpenSim's marker placer: fit the static pose, then move the markers of tracking kind.
 
@@ -117,7 +117,7 @@ class MarkerPlacement:
     fixed: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class ScaleSetup:
     """An OpenSim scale set-up, read.
 
@@ -136,7 +136,7 @@ class ScaleSetup:
     height_m: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
     """Everything of one subject in memory: the generic model and the processed recordings.
 

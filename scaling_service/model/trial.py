@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
@@ -31,7 +31,7 @@ class MeasuredSizes:
 
     height_m: float | None = None
     mass_kg: float | None = None
-    lengths_m: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    lengths_m: abc.Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """Keys of ``RANGES_M`` to m."""
 
     def __bool__(self) -> bool:
@@ -60,7 +60,7 @@ class MeasuredSizes:
         return {name: v for name, v in whole.items() if v is not None} | dict(self.lengths_m)
 
 
-def merge(sizes: Iterable[MeasuredSizes]) -> MeasuredSizes:
+def merge(sizes: abc.Iterable[MeasuredSizes]) -> MeasuredSizes:
     """The sizes of several files as one; of two that differ the first counts.
 
     Examples
@@ -107,7 +107,7 @@ class Relabelling:
     None leaves the marker out.
     """
 
-    labels: Mapping[str, str | None]
+    labels: abc.Mapping[str, str | None]
     start_s: float
     end_s: float
 
@@ -121,7 +121,7 @@ class GaitEvent:
     time_s: float
 
 
-def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, detail: str) -> list[Repair]:
+def repair_each(flags: NDArray[np.bool_], labels: abc.Sequence[str], what: str, detail: str) -> list[Repair]:
     """One repair for each label that was concerned in any frame: ``flags`` is (n_frames, n_labels)."""
     counts = flags.sum(axis=0).tolist()
     return [
@@ -141,7 +141,7 @@ class Rotations:
     of: Literal["segments", "sensors"]
     origins: Array | None = None  # (n_frames, n_rotations, 3), m: of the frames, where the system knows them
 
-    def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Rotations:
+    def frames(self, rows: abc.Sequence[int] | NDArray[np.intp] | slice) -> Rotations:
         """Only these frames."""
         origins = None if self.origins is None else self.origins[rows]
         return replace(self, matrices=self.matrices[rows], origins=origins)
@@ -216,7 +216,7 @@ class Trial:
         """The labels renamed: ``names`` maps old to new; those not named keep their own."""
         return replace(self, labels=tuple(names.get(label, label) for label in self.labels))
 
-    def select(self, labels: Sequence[str]) -> Trial:
+    def select(self, labels: abc.Sequence[str]) -> Trial:
         """Only these labels, in this order; a label that is absent becomes an all-NaN column."""
         columns = np.full((self.n_frames, len(labels), 3), np.nan)
         own = {label: k for k, label in reversed(list(enumerate(self.labels)))}  # the first of a name
@@ -225,7 +225,7 @@ class Trial:
                 columns[:, k] = self.markers[:, own[label]]
         return replace(self, labels=tuple(labels), markers=columns)
 
-    def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Trial:
+    def frames(self, rows: abc.Sequence[int] | NDArray[np.intp] | slice) -> Trial:
         """Only these frames."""
         turned = None if self.rotations is None else self.rotations.frames(rows)
         return replace(self, times=self.times[rows], markers=self.markers[rows], rotations=turned)
@@ -260,17 +260,17 @@ class ImagePose:
 class ImageEvidence:
     """Points of one image session, all in its frame, m."""
 
-    centres: Mapping[str, Vector] = field(default_factory=dict)
+    centres: abc.Mapping[str, Vector] = field(default_factory=dict)
     """``hip_r``, ``knee_r``, ``ankle_r``, ``subtalar_r`` and the left ones, as far as imaged."""
-    axes: Mapping[str, Vector] = field(default_factory=dict)
+    axes: abc.Mapping[str, Vector] = field(default_factory=dict)
     """``knee_r``, ``ankle_r``, ``subtalar_r`` and the left ones: directions of axes, either way round."""
-    landmarks: Mapping[str, Vector] = field(default_factory=dict)
+    landmarks: abc.Mapping[str, Vector] = field(default_factory=dict)
     """Points on bone by the name of the marker that is put on them (``RASIS``, ``RLFE`` …)."""
-    markers: Mapping[str, tuple[str, Vector]] = field(default_factory=dict)
+    markers: abc.Mapping[str, tuple[str, Vector]] = field(default_factory=dict)
     """Skin markers seen in the image: model marker to (segment, position)."""
     source: str = ""  # how they were found
-    deviations: Mapping[str, float] = field(default_factory=dict)
+    deviations: abc.Mapping[str, float] = field(default_factory=dict)
     """Of centres and landmarks, by their names: root mean square distance from an expert's, m."""
-    axis_deviations: Mapping[str, float] = field(default_factory=dict)  # rad
-    bones: Mapping[str, Bone] = field(default_factory=dict)
+    axis_deviations: abc.Mapping[str, float] = field(default_factory=dict)  # rad
+    bones: abc.Mapping[str, Bone] = field(default_factory=dict)
     """Segment to the surface of its bone, as far as imaged."""

@@ -16,18 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.motion import (
-    N_PARAMETERS,
-    TENSOR,
-    LinkMotion,
-    Mechanism,
-    Motion,
-    Screws,
-    cross_twist,
-    cross_wrench,
-    move_links,
-    point_acceleration,
-)
+from scaling_service.numerics.multibody import motion as motions
 from scaling_service.numerics.multibody.tree import cross
 
 GRAVITY = np.array([0.0, -9.80665, 0.0])
@@ -73,7 +62,7 @@ def move_moment(wrench: Array, point: Array) -> Array:
     return result
 
 
-def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAVITY) -> Array:
+def link_wrenches(mechanism: motions.Mechanism, state: motions.LinkMotion, gravity: Array = GRAVITY) -> Array:
     """The wrench beside gravity that moves each link as it moves.
 
     Force and moment about the ground origin, ground axes, (n_links, 6, n).
@@ -86,7 +75,7 @@ def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAV
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
     wrench = np.empty(state.twists.shape)
     force = wrench[:, :3]
-    force[:] = point_acceleration(state.twists, state.accelerations, at) - gravity[:, None]
+    force[:] = motions.point_acceleration(state.twists, state.accelerations, at) - gravity[:, None]
     force *= inertias.mass[:, None, None]
     omega = np.einsum("kjan,kan->kjn", axes, state.twists[:, 3:])
     alpha = np.einsum("kjan,kan->kjn", axes, state.accelerations[:, 3:])
@@ -95,7 +84,9 @@ def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAV
     return wrench
 
 
-def compute_root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple[Array, Array]:
+def compute_root_wrench(
+    mechanism: motions.Mechanism, motion: motions.Motion, p: Array
+) -> tuple[Array, Array]:
     """The net wrench that moves the whole body, without the forces in the joints.
 
     ``p``: (n_parameters,).
@@ -105,14 +96,19 @@ def compute_root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple
     """
     wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in split_blocks(motion.n):
-        state = move_links(mechanism, motion.block(rows), p)
+        state = motions.move_links(mechanism, motion.block(rows), p)
         link_wrenches(mechanism, state).sum(axis=0, out=wrench[:, rows])
         root[:, rows] = state.poses.origins[0]
     return wrench, root
 
 
 def compute_inverse_dynamics(
-    mechanism: Mechanism, motion: Motion, p: Array, loads: Loads | None = None, *, gravity: Array = GRAVITY
+    mechanism: motions.Mechanism,
+    motion: motions.Motion,
+    p: Array,
+    loads: Loads | None = None,
+    *,
+    gravity: Array = GRAVITY,
 ) -> Dynamics:
     """Generalised forces and the residual wrench of a motion.
 
@@ -123,7 +119,7 @@ def compute_inverse_dynamics(
     forces = np.empty((mechanism.tree.n_coordinates, motion.n))
     residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in split_blocks(motion.n):
-        state = move_links(mechanism, motion.block(rows), p)
+        state = motions.move_links(mechanism, motion.block(rows), p)
         wrenches = link_wrenches(mechanism, state, gravity)
         if loads is not None:
             np.subtract.at(wrenches, loads.links, loads.wrenches[..., rows])
@@ -133,7 +129,7 @@ def compute_inverse_dynamics(
     return Dynamics(forces, residual, root)
 
 
-def compute_joint_forces(mechanism: Mechanism, state: LinkMotion, wrenches: Array) -> Array:
+def compute_joint_forces(mechanism: motions.Mechanism, state: motions.LinkMotion, wrenches: Array) -> Array:
     """Generalised forces (n_coordinates, n) that balance wrenches (n_links, 6, n) about the ground origin."""
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
@@ -153,7 +149,12 @@ class RegressorBlock:
 
 
 def compute_regressor_blocks(
-    mechanism: Mechanism, motion: Motion, p: Array, *, gravity: Array = GRAVITY, size: int = REGRESSOR_BLOCK
+    mechanism: motions.Mechanism,
+    motion: motions.Motion,
+    p: Array,
+    *,
+    gravity: Array = GRAVITY,
+    size: int = REGRESSOR_BLOCK,
 ) -> Iterator[RegressorBlock]:
     """Regressors of the ground wrench.
 
@@ -164,12 +165,12 @@ def compute_regressor_blocks(
     In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
     """
     for rows in split_blocks(motion.n, size):
-        state = move_links(mechanism, motion.block(rows), p)
+        state = motions.move_links(mechanism, motion.block(rows), p)
         # Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)
         axes, origins = state.poses.axes, state.poses.origins
         omega, alpha = state.twists[:, 3:], state.accelerations[:, 3:]
-        proper = point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
-        result = np.zeros((len(axes), N_PARAMETERS, 6, axes.shape[-1]))
+        proper = motions.point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
+        result = np.zeros((len(axes), motions.N_PARAMETERS, 6, axes.shape[-1]))
         result[:, 0, :3] = proper
         for j in range(3):  # a unit first moment along axis j
             arm = axes[:, j]
@@ -186,8 +187,8 @@ def _compute_tensor_columns(axes: Array, omega: Array, alpha: Array) -> Array:
     """Moment per number of the tensor, (n_links, 6, 3, n)."""
     w = np.einsum("kjan,kan->kjn", axes, omega)
     a = np.einsum("kjan,kan->kjn", axes, alpha)
-    local = np.zeros((len(axes), len(TENSOR), 3, axes.shape[-1]))
-    for column, (i, j) in enumerate(TENSOR):
+    local = np.zeros((len(axes), len(motions.TENSOR), 3, axes.shape[-1]))
+    for column, (i, j) in enumerate(motions.TENSOR):
         turned = np.zeros_like(w)
         local[:, column, i] += a[:, j]
         turned[:, i] += w[:, j]
@@ -209,7 +210,7 @@ class WrenchRates:
 
 
 def differentiate_wrench(
-    mechanism: Mechanism, screws: Screws, m: int, gravity: Array = GRAVITY
+    mechanism: motions.Mechanism, screws: motions.Screws, m: int, gravity: Array = GRAVITY
 ) -> WrenchRates:
     """Derivatives of the net wrench.
 
@@ -223,7 +224,7 @@ def differentiate_wrench(
     forces = link_wrenches(mechanism, state, gravity)
     # `V x* I - I V x` of every link, (k, 6, 6, n).
     columns = np.moveaxis(inertia, 2, 1)  # (k, column, row, n); the matrix is symmetric
-    half = np.moveaxis(cross_wrench(state.twists[:, None], columns), 1, 2)
+    half = np.moveaxis(motions.cross_wrench(state.twists[:, None], columns), 1, 2)
     turning = half + np.swapaxes(half, 1, 2)  # -(I V x) is the transpose of (V x* I)
     below = mechanism.carriers[screws.entries]
     composite, composite_rate, h, f = (
@@ -236,18 +237,20 @@ def differentiate_wrench(
     by_q = (
         _multiply(composite, second)
         + _multiply(composite_rate, first)
-        + cross_wrench(first, h)
-        + cross_wrench(screw, f)
-        + _multiply(composite, cross_twist(screw, g))
+        + motions.cross_wrench(first, h)
+        + motions.cross_wrench(screw, f)
+        + _multiply(composite, motions.cross_twist(screw, g))
     )
-    by_qdot = 2.0 * _multiply(composite, first) + _multiply(composite_rate, screw) + cross_wrench(screw, h)
+    by_qdot = (
+        2.0 * _multiply(composite, first) + _multiply(composite_rate, screw) + motions.cross_wrench(screw, h)
+    )
     by_entry = np.stack([by_q, by_qdot, _multiply(composite, screw)], axis=1)
     by = np.zeros((m, 3, 6, n))
     np.add.at(by, screws.columns, by_entry)
     return WrenchRates(forces.sum(axis=0), np.ascontiguousarray(by.transpose(3, 2, 1, 0)))
 
 
-def compute_spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
+def compute_spatial_inertias(mechanism: motions.Mechanism, state: motions.LinkMotion) -> Array:
     """Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist."""
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins

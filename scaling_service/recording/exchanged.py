@@ -5,8 +5,8 @@ Nothing is corrected: which of two labels a marker deserves is for those to say 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import dataclasses
+from collections import abc
 from itertools import combinations, pairwise, permutations
 from typing import TypeVar
 
@@ -41,7 +41,7 @@ CLEAR = 0.5
 """Cosine beyond which a direction counts as opposite throughout a trial (chosen: within 60 deg of it)."""
 
 _PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
-_Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
+_Places = abc.Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
 CHANGED_M = 0.025
 """Chosen: a distance within a segment that differs by more is no skin alone (soft tissue of a thigh in deep
@@ -60,7 +60,7 @@ MOST_COMPARED = 40
 _EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
 
 
-def find_exchanged_labels(trial: Trial, roles: Mapping[str, str]) -> Iterator[tuple[Exchange, bool]]:
+def find_exchanged_labels(trial: Trial, roles: abc.Mapping[str, str]) -> abc.Iterator[tuple[Exchange, bool]]:
     """Where the labels of an outer and an inner landmark look exchanged, and whether throughout.
 
     ``trial``: in any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
@@ -79,8 +79,8 @@ def find_exchanged_labels(trial: Trial, roles: Mapping[str, str]) -> Iterator[tu
 
 
 def find_turned_limbs(
-    trial: Trial, roles: Mapping[str, str]
-) -> Iterator[tuple[tuple[str, str], NDArray[np.bool_]]]:
+    trial: Trial, roles: abc.Mapping[str, str]
+) -> abc.Iterator[tuple[tuple[str, str], NDArray[np.bool_]]]:
     """Labels of a lateral and a medial landmark, and the frames in which they look exchanged, (n_frames,)."""
     places = {roles[label]: (label, trial.position(label)) for label in trial.labels if label in roles}
     pairs = [
@@ -107,7 +107,7 @@ def _normalise(vectors: Array) -> Array:
     return directions
 
 
-def _find_rightwards(places: _Places, lines: Sequence[Array]) -> Array | None:
+def _find_rightwards(places: _Places, lines: abc.Sequence[Array]) -> Array | None:
     """The body's direction to the right in every frame, NaN where it is not known."""
     choices = [places[r][1] - places[left][1] for r, left in _PELVIS if r in places and left in places]
     if len(lines) > 1:  # one alone may be the wrong one
@@ -155,13 +155,13 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     return wrong
 
 
-Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
+Clusters = abc.Mapping[str, abc.Sequence[str]]  # segment to labels on it
 
-Shape = Mapping[tuple[str, str], float]
+Shape = abc.Mapping[tuple[str, str], float]
 """Two labels of one segment, in alphabetical order, to their usual distance, m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
     """Labels of one segment that stand for each other for a while.
 
@@ -177,7 +177,7 @@ class Exchange:
     left_m: float = 0.0
 
 
-def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:
+def measure_shape(trials: abc.Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:
     """The usual distance of every two markers of a segment, over the recordings that show both.
 
     ``trials``: in m; of each, its median counts once, however long it is.
@@ -193,7 +193,7 @@ def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str
     return {pair: float(np.median(values)) for pair, values in found.items()}
 
 
-def _list_compared(trial: Trial, labels: Sequence[str]) -> list[str]:
+def _list_compared(trial: Trial, labels: abc.Sequence[str]) -> list[str]:
     return sorted(set(trial.labels).intersection(labels))[:MOST_COMPARED]
 
 
@@ -202,7 +202,7 @@ def _measure_distance(trial: Trial, one: str, other: str) -> Array:
     return distance
 
 
-def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[Exchange]:
+def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> abc.Iterator[Exchange]:
     """Where labels of one segment would fit the usual shape far better in another order.
 
     ``trial``: in m, before gaps are filled and positions smoothed. ``usual``: of other recordings,
@@ -234,7 +234,7 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
         for item in found:
             alike = last is not None and (last.labels, last.true) == (item.labels, item.true)
             if last is not None and alike and item.start_s - last.end_s < SHORTEST_S:
-                last = replace(
+                last = dataclasses.replace(
                     last,
                     end_s=item.end_s,
                     difference_m=max(last.difference_m, item.difference_m),
@@ -249,7 +249,7 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
 
 
 def without_exchanges(
-    trials: Sequence[Trial], clusters: Clusters
+    trials: abc.Sequence[Trial], clusters: Clusters
 ) -> tuple[tuple[Trial, ...], tuple[str, ...]]:
     """The trials without labels while these stand for each other, and a sentence for each time they do.
 
@@ -265,14 +265,14 @@ def without_exchanges(
             markers[np.ix_(inside, columns)] = np.nan
             span = f"from {wrong.start_s:.2f} to {wrong.end_s:.2f} s"
             said.append(f"{trial.name}: the labels {' and '.join(wrong.labels)} look exchanged {span}")
-        kept.append(replace(trial, markers=markers))
+        kept.append(dataclasses.replace(trial, markers=markers))
     return tuple(kept), tuple(said)
 
 
 _Kind = TypeVar("_Kind", bound=Trial)
 
 
-def relabel(trial: _Kind, corrections: Iterable[Relabelling]) -> _Kind:
+def relabel(trial: _Kind, corrections: abc.Iterable[Relabelling]) -> _Kind:
     """The trial with labels put right as a person decided, each change among its repairs.
 
     While it lasts, a marker goes under its right label, in place of what stands there while it is seen; a
@@ -301,7 +301,7 @@ def relabel(trial: _Kind, corrections: Iterable[Relabelling]) -> _Kind:
             detail=f"{describe_relabelling(item)} {span}",
             frames=int(inside.sum()),
         )
-        trial = replace(trial, labels=labels, markers=markers, repairs=(*trial.repairs, made))
+        trial = dataclasses.replace(trial, labels=labels, markers=markers, repairs=(*trial.repairs, made))
     return trial
 
 
@@ -321,7 +321,7 @@ def describe_relabelling(item: Relabelling) -> str:
     )
 
 
-def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:
+def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> abc.Iterator[tuple[int, int]]:
     """Runs of changed frames, cut where a distance jumps."""
     with np.errstate(invalid="ignore"):
         jumps = np.flatnonzero(np.nanmax(np.abs(np.diff(measured, axis=0)), axis=1, initial=0.0) > JUMP_M) + 1
@@ -331,7 +331,7 @@ def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple
 
 
 def _find_better_order(
-    names: Sequence[str], pairs: Sequence[tuple[str, str]], measured: Array, usual: Shape
+    names: abc.Sequence[str], pairs: abc.Sequence[tuple[str, str]], measured: Array, usual: Shape
 ) -> tuple[tuple[str, ...], float, float] | None:
     """The order of labels that fits a block best, with the largest difference before and after."""
     known = np.asarray(np.isfinite(measured).any(axis=0))
@@ -352,7 +352,7 @@ def _find_better_order(
     return tuple(renamed.get(name, name) for name in names), before, misfit[order]
 
 
-def _list_orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+def _list_orders(names: abc.Sequence[str]) -> abc.Iterator[tuple[str, ...]]:
     if len(names) <= _EVERY_ORDER:
         yield from permutations(names)
         return
@@ -363,7 +363,7 @@ def _list_orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
         yield tuple(order)
 
 
-def _measure_misfit(true: Mapping[str, str], typical: Shape, usual: Shape) -> float:
+def _measure_misfit(true: abc.Mapping[str, str], typical: Shape, usual: Shape) -> float:
     """The largest difference of a distance from the usual one, m; infinite where one is not known."""
     worst = 0.0
     for (a, b), distance in typical.items():

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from scipy import ndimage
 
-from scaling_service.core.arrays import Array, Mask
+from scaling_service.core import arrays
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_seen
@@ -164,7 +164,7 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
-def _find_mostly(flags: Mask) -> Mask:
+def _find_mostly(flags: arrays.Mask) -> arrays.Mask:
     """Where most frames of the window around a frame (n, any) have a flag."""
     return np.asarray(
         ndimage.uniform_filter1d(flags.astype(np.float32), _WINDOW, axis=0, mode="nearest") > 0.5
@@ -223,7 +223,7 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     return replace(trial, repairs=(*trial.repairs, note))
 
 
-def _average_beside(power: Array) -> Array:
+def _average_beside(power: arrays.Array) -> arrays.Array:
     """Mean power of the lines near each line (n,), on the side where it is higher: a slope is no line."""
     reach = int(_NEAR[1] * _FINER)
     away = np.arange(-reach, reach + 1) / _FINER
@@ -321,7 +321,7 @@ def leave_out_saturated(forces: GroundForces) -> GroundForces:
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
 
 
-def _find_limit(load: Array, rate_hz: float) -> tuple[float, Mask] | None:
+def _find_limit(load: arrays.Array, rate_hz: float) -> tuple[float, arrays.Mask] | None:
     """Where a plate's load (n,) stands when it is highest, N, and when (n,); None if it does not."""
     high = load > _TOP * load.max()
     limit = float(np.median(load[high])) if high.any() else 0.0

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+import dataclasses
+from collections import abc
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
@@ -19,13 +19,13 @@ BEYOND_DOUBT = 1e3
 TOLD = 0.1  # odds from which on it is told (chosen: a look at the recording costs little)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Finding(Note):
     """One thing about a recording, its ``place``, that a sound one does not show."""
 
     labels: tuple[str, ...] = ()  # that it concerns
     exchanges: tuple[exchanged.Exchange, ...] = ()  # labels that, put right, solve it
-    rivals: Mapping[str, tuple[exchanged.Exchange, ...]] = field(default_factory=dict)
+    rivals: abc.Mapping[str, tuple[exchanged.Exchange, ...]] = dataclasses.field(default_factory=dict)
     """Other recordings in which the same, put right instead, would solve it."""
 
     def __str__(self) -> str:
@@ -35,7 +35,7 @@ class Finding(Note):
 class NotAPerson(TrialUnusable):
     """What a recording shows cannot be a person as its labels say."""
 
-    def __init__(self, findings: Sequence[Finding]) -> None:
+    def __init__(self, findings: abc.Sequence[Finding]) -> None:
         first = next(one for one in findings if one.severity == "refusal")
         super().__init__(
             first.problem, file=first.place, field=", ".join(first.labels[:4]) or None, remedy=first.remedy
@@ -43,7 +43,7 @@ class NotAPerson(TrialUnusable):
         self.findings = tuple(findings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
     """What is said of the person."""
 
@@ -52,21 +52,21 @@ class Stated:
     mass_kg: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Recordings:
     """The recordings of one session, in m, before gaps are filled and positions smoothed.
 
     ``clusters``: segment to the labels on it. ``static``: the name of the one in which somebody stands.
     """
 
-    trials: Sequence[Trial]
-    clusters: exchanged.Clusters = field(default_factory=dict)
+    trials: abc.Sequence[Trial]
+    clusters: exchanged.Clusters = dataclasses.field(default_factory=dict)
     static: str | None = None
     stated: Stated = Stated()
     model: BodyModel | None = None
 
 
-def sort_findings(found: Iterable[Finding]) -> tuple[Finding, ...]:
+def sort_findings(found: abc.Iterable[Finding]) -> tuple[Finding, ...]:
     """Those that refuse first; labels that several questions found exchanged once for each recording."""
     kept: list[Finding] = []
     for one in found:

@@ -6,8 +6,8 @@ It is taken on one recording and holds for all recordings and forces of the sess
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,7 +50,7 @@ _PAIRS = (
 _AXES = "xyz"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Orientation:
     """How the axes of a laboratory become Y up and, where it matters, X forward and Z right."""
 
@@ -162,7 +162,7 @@ def turn_rotations(orientation: Orientation, trial: Trial) -> Trial:
     """The recording with its rotations, if it has any, in the new axes; its markers as they are."""
     if trial.rotations is None:
         return trial
-    return replace(trial, rotations=trial.rotations.turn(orientation.R_new_old))
+    return dataclasses.replace(trial, rotations=trial.rotations.turn(orientation.R_new_old))
 
 
 def stand_along(orientation: Orientation, vertical: int) -> Orientation:
@@ -172,7 +172,7 @@ def stand_along(orientation: Orientation, vertical: int) -> Orientation:
         turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     elif vertical == 2:
         turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    return replace(orientation, R_new_old=turn @ orientation.R_new_old + 0.0, vertical=vertical)
+    return dataclasses.replace(orientation, R_new_old=turn @ orientation.R_new_old + 0.0, vertical=vertical)
 
 
 def _average_markers(where: Mapping[str, Array], names: frozenset[str]) -> Array | None:

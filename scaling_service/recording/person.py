@@ -7,7 +7,7 @@ doubt are refused by whoever computes; the others are told.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
@@ -16,7 +16,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
+from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Relabelling, Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
@@ -70,7 +70,7 @@ def ask(given: findings.Recordings) -> tuple[findings.Finding, ...]:
 _Kind = TypeVar("_Kind", bound=Trial)
 
 
-def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None) -> _Kind:
+def mend(trial: _Kind, corrections: abc.Iterable[Relabelling], mirrored: str | None) -> _Kind:
     """The recording as its person says that it should be, each change among its repairs.
 
     ``trial``: in the laboratory's axes. ``mirrored``: ``x``, ``y`` or ``z``: the axis along which the
@@ -86,14 +86,14 @@ def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None)
     return exchanged.relabel(trial, corrections)
 
 
-def ask_one_person(trial: Trial) -> Iterator[findings.Finding]:
+def ask_one_person(trial: Trial) -> abc.Iterator[findings.Finding]:
     """Whether two sets of the same labels stand in one recording, far apart."""
     step = max(1, trial.n_frames // witnesses.FRAMES)
     shown = find_shown(trial.markers[::step])
     keys = {
-        label: make_plain_key(label)
+        label: anatomy_markers.make_plain_key(label)
         for label, seen in zip(trial.labels, shown, strict=True)
-        if seen and not is_computed(label) and not is_unlabelled(label)
+        if seen and not anatomy_markers.is_computed(label) and not is_unlabelled(label)
     }
     twice: dict[str, list[tuple[str, str]]] = {}
     for (one, other), alike in _find_alike(keys).items():
@@ -115,7 +115,7 @@ def ask_one_person(trial: Trial) -> Iterator[findings.Finding]:
         )
 
 
-def _find_alike(keys: Mapping[str, str]) -> dict[tuple[str, str], str]:
+def _find_alike(keys: abc.Mapping[str, str]) -> dict[tuple[str, str], str]:
     """Pairs of labels that stand for one place, in the order of the recording, and what tells them apart.
 
     ``keys``: label to its plain name. Each name is looked up among those that are some letters shorter.
@@ -125,7 +125,7 @@ def _find_alike(keys: Mapping[str, str]) -> dict[tuple[str, str], str]:
     placed: dict[str, list[str]] = {}
     for label, key in keys.items():
         named.setdefault(key, []).append(label)
-        role = find_canonical(label)
+        role = anatomy_markers.find_canonical(label)
         if role is not None:
             placed.setdefault(role, []).append(label)
     found: dict[tuple[str, str], str] = {}
@@ -156,7 +156,7 @@ def _find_affix(one: str, other: str) -> str | None:
     return f"<{long[:more]}" if long.endswith(short) else None
 
 
-def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[findings.Finding]:
+def ask_sides(trial: Trial, model: BodyModel | None = None) -> abc.Iterator[findings.Finding]:
     """Whether right is right: mirrored recordings, exchanged sides, fronts that are backs."""
     roles = findings.list_roles(trial)
     found = sides.judge_handedness(trial, roles)
@@ -215,7 +215,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[findings
         )
 
 
-def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
+def ask_shapes(trial: Trial, model: BodyModel) -> abc.Iterator[findings.Finding]:
     """Whether segments are mirror images of the model's; asked where no names tell sides and fronts."""
     turned, seen = 0.0, []
     for segment in model.segments:
@@ -260,7 +260,7 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
         )
 
 
-def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[findings.Finding]:
+def ask_posture(trials: abc.Sequence[Trial], static: str | None) -> abc.Iterator[findings.Finding]:
     """Whether somebody hangs head down throughout, or does not stand in the static trial; Y up."""
     for trial in trials:
         places = {role: trial.position(label) for label, role in findings.list_roles(trial).items()}
@@ -278,7 +278,7 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[finding
             yield from _ask_standing(trial, places)
 
 
-def _ask_standing(trial: Trial, places: Mapping[str, Array]) -> Iterator[findings.Finding]:
+def _ask_standing(trial: Trial, places: abc.Mapping[str, Array]) -> abc.Iterator[findings.Finding]:
     if not has_straight_legs(trial):
         yield findings.Finding(
             code="bent",
@@ -307,7 +307,9 @@ def _ask_standing(trial: Trial, places: Mapping[str, Array]) -> Iterator[finding
             return
 
 
-def _find_steepness(places: Mapping[str, Array], low: Sequence[Array], upper: Iterable[str]) -> Array | None:
+def _find_steepness(
+    places: abc.Mapping[str, Array], low: abc.Sequence[Array], upper: abc.Iterable[str]
+) -> Array | None:
     """Cosines to the vertical of the line from low to upper places, in frames that show it; None without."""
     high = [places[name] for name in upper if name in places]
     if not high or not low:
@@ -328,7 +330,7 @@ def has_straight_legs(trial: Trial) -> bool:
     return True
 
 
-def ask_exchanged(trial: Trial) -> Iterator[findings.Finding]:
+def ask_exchanged(trial: Trial) -> abc.Iterator[findings.Finding]:
     """Labels of an outer and an inner landmark that look exchanged; throughout, nothing can be computed."""
     roles = findings.list_roles(trial)
     for exchange, throughout in exchanged.find_exchanged_labels(trial, roles):
@@ -346,7 +348,7 @@ def ask_exchanged(trial: Trial) -> Iterator[findings.Finding]:
         )
 
 
-def ask_segments(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Iterator[findings.Finding]:
+def ask_segments(trials: abc.Sequence[Trial], clusters: exchanged.Clusters) -> abc.Iterator[findings.Finding]:
     """Labels of one segment that stand for each other for a while.
 
     Of two recordings that contradict each other all along, it is told once for both.
@@ -382,7 +384,7 @@ def ask_segments(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Itera
             )
 
 
-def ask_moved(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Iterator[findings.Finding]:
+def ask_moved(trials: abc.Sequence[Trial], clusters: exchanged.Clusters) -> abc.Iterator[findings.Finding]:
     """Markers that sit elsewhere than in the other recordings."""
     for one in find_moved_markers(trials, clusters):
         yield findings.Finding(

@@ -7,7 +7,7 @@ floor must bear a load, and one that they show in swing must not.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
@@ -73,7 +73,7 @@ class FootContacts:
     repairs: tuple[Repair, ...]
 
 
-def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContacts:
+def assign_plates(forces: GroundForces, feet: abc.Mapping[str, Array]) -> FootContacts:
     """Find the foot that each plate bears in each contact.
 
     ``forces``: at the times of the markers, Y up.
@@ -138,7 +138,7 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
 
 
 def assign_foot_loads(
-    forces: GroundForces, contacts: FootContacts, segments: Mapping[str, str]
+    forces: GroundForces, contacts: FootContacts, segments: abc.Mapping[str, str]
 ) -> SegmentLoads:
     """The wrench that each foot's segment receives from all plates it stands on.
 
@@ -154,7 +154,7 @@ def assign_foot_loads(
     return SegmentLoads(forces.times, tuple(segments[f] for f in contacts.feet), force, moment)
 
 
-def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask, list[Repair]]:
+def _find_resting(feet: abc.Sequence[Array], times: Array, name: str) -> tuple[Mask, list[Repair]]:
     """Whether each foot rests, (n, n_feet): a marker near the floor, and one that moves with it.
 
     The floor is where the lower foot stands, for a foot may be in the air all the time. It moves on a
@@ -284,7 +284,7 @@ def measure_overhang(corners: Array, markers: Array) -> Array:
 
 
 def _find_over_edge(
-    foot: NDArray[np.intp], feet: Mapping[str, Array], forces: GroundForces
+    foot: NDArray[np.intp], feet: abc.Mapping[str, Array], forces: GroundForces
 ) -> tuple[Mask, list[Repair]]:
     """Where a foot that a plate bears reaches beyond the edges of all plates, (n, n_feet)."""
     found = np.zeros((len(foot), len(feet)), dtype=bool)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import dataclasses
+from collections import abc
 from typing import TypeVar
 
 import numpy as np
@@ -116,10 +116,10 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     detail = f"over {FARTHEST:g} times farther from the other markers than usual, taken as not seen"
     repairs = repair_each(flags, trial.labels, "stray", detail)
     markers = np.where(flags[..., None], np.nan, trial.markers)
-    return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+    return dataclasses.replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Unlabelled:
     """One trajectory without a label."""
 
@@ -129,7 +129,7 @@ class Unlabelled:
     filled: int = 0  # frames of those gaps that it shows
 
 
-def find_unlabelled(trial: Trial) -> Iterator[Unlabelled]:
+def find_unlabelled(trial: Trial) -> abc.Iterator[Unlabelled]:
     """The trajectories without a label, each with the marker that it seems to be.
 
     ``trial``: in m.
@@ -170,7 +170,7 @@ def _measure_distance_in_gaps(markers: Array, shown: Mask, column: int, other: i
     return float(np.median(distances)), other, int((here & ~there).sum())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class MovedMarker:
     """A marker of a recording that alone contradicts the shape which its segment has in others.
 
@@ -195,7 +195,7 @@ class MovedMarker:
         )
 
 
-def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[MovedMarker]:
+def find_moved_markers(trials: abc.Sequence[Trial], clusters: Clusters) -> abc.Iterator[MovedMarker]:
     """Markers that sit elsewhere in a recording than in more than half of the others.
 
     ``trials``: in m. Of two recordings that contradict each other the first tells. Labels that stand for each
@@ -206,7 +206,7 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
         # Every so many frames of a recording
         step = max(1, trial.n_frames // _FRAMES)
         some.append(
-            replace(
+            dataclasses.replace(
                 trial, times=trial.times[::step], markers=trial.markers[::step], rate_hz=trial.rate_hz / step
             )
         )
@@ -224,8 +224,8 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
 
 
 def _find_moved(
-    trial: str, shapes: Mapping[str, Shape], others: Sequence[str], clusters: Clusters
-) -> Iterator[MovedMarker]:
+    trial: str, shapes: abc.Mapping[str, Shape], others: abc.Sequence[str], clusters: Clusters
+) -> abc.Iterator[MovedMarker]:
     for labels in clusters.values():
         measured = {label for pair in shapes[trial] for label in pair}
         for label in labels if measured.intersection(labels) else ():
@@ -237,7 +237,7 @@ def _find_moved(
 
 
 def _compare(
-    label: str, labels: Sequence[str], trial: str, other: str, shapes: Mapping[str, Shape]
+    label: str, labels: abc.Sequence[str], trial: str, other: str, shapes: abc.Mapping[str, Shape]
 ) -> tuple[MovedMarker, bool] | None:
     """The marker beside another recording, and whether it alone moved; None where that cannot be told."""
     here, there = shapes[trial], shapes[other]

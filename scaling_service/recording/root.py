@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 
 import numpy as np
 
 from scaling_service.core.text import list_few
 from scaling_service.model import body
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.key_points import shows_key_points_alone
-from scaling_service.model.compile import compile_model, free_coordinates, list_parameter_values
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.tree import (
-    compute_jacobian,
-    order_by_frame,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.recording.exchanged import Clusters
 from scaling_service.recording.findings import Finding
 from scaling_service.recording.witnesses import FRAMES
@@ -28,7 +23,7 @@ _LARGEST_SD = np.radians(30.0)
 _ACROSS_M = 0.01  # chosen: three markers that lie nearer to one line show no turn about it
 
 
-def ask_root(trial: Trial, model: body.BodyModel | None, clusters: Clusters) -> Iterator[Finding]:
+def ask_root(trial: Trial, model: body.BodyModel | None, clusters: Clusters) -> abc.Iterator[Finding]:
     """Whether the segment that carries all others is shown, by its own markers or by what hangs on it.
 
     A root at the end of what is shown (an arm or a leg alone) is only not told; one between two branches
@@ -67,7 +62,7 @@ def ask_root(trial: Trial, model: body.BodyModel | None, clusters: Clusters) -> 
             )
 
 
-def _is_shown(trial: Trial, labels: Sequence[str]) -> bool:
+def _is_shown(trial: Trial, labels: abc.Sequence[str]) -> bool:
     """Whether some frame shows three markers of a segment off one line."""
     step = max(1, trial.n_frames // FRAMES)
     some = trial.select(list(labels)).markers[::step]
@@ -86,8 +81,8 @@ def _list_below(model: body.BodyModel, segment: body.Segment) -> set[str]:
 
 def _measure_root_sd(model: body.BodyModel, root: body.Segment, markers: tuple[str, ...]) -> float:
     """The largest standard deviation of the root's turns, rad, near the neutral pose."""
-    tree = compile_model(model, markers)
-    free = free_coordinates(model)
+    tree = compiling.compile_model(model, markers)
+    free = compiling.free_coordinates(model)
     names = [c.name for c in model.coordinates]
     kinds = [c.kind for c in model.coordinates]
     own = {t.coordinate for j in root.joints for t in j.law.terms if t.coordinate is not None}
@@ -97,9 +92,11 @@ def _measure_root_sd(model: body.BodyModel, root: body.Segment, markers: tuple[s
     q = q + np.where(
         free & np.array([kind == "rotation" for kind in kinds]), 0.15 + 0.01 * np.arange(len(q)) % 0.1, 0.0
     )
-    poses = pose_links(tree, np.ascontiguousarray(q[:, None]), list_parameter_values(model))
+    poses = trees.pose_links(tree, np.ascontiguousarray(q[:, None]), compiling.list_parameter_values(model))
     variables = np.flatnonzero(free)
-    rates = order_by_frame(compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables))[0]
+    rates = trees.order_by_frame(
+        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables)
+    )[0]
     values, vectors = np.linalg.eigh(rates @ rates.T)
     variance = (np.square(vectors) / np.maximum(values, 1e-9)).sum(axis=1) * _NOISE_M**2
     return float(np.sqrt(max((variance[np.flatnonzero(variables == k)[0]] for k in turns), default=0.0)))

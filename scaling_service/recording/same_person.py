@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from itertools import combinations
 
 import numpy as np
@@ -29,7 +29,7 @@ and children 7; proportions 3 to 5)."""
 
 _OTHER_PERSON = 0.01  # prior probability that a recording is of another person or scale (chosen)
 
-_CHANGES: Mapping[str, float] = {"trunk": 0.005, "arm": 0.004, "thigh": 0.004}
+_CHANGES: abc.Mapping[str, float] = {"trunk": 0.005, "arm": 0.004, "thigh": 0.004}
 _CHANGE, _CHANGE_ANEW, _CHANGE_SD = 0.002, 0.012, 0.8
 """Median over persons of by how much the distances within a segment change between recordings of one
 placement (their median over the pairs of its markers, m; larger of trunk and arms), and of another person or
@@ -42,7 +42,7 @@ _PLATE_M = 0.001  # chosen: markers that keep their distances so well sit on a p
 _FEWEST_BONES = 3  # distances that tell a person's size (chosen)
 
 
-def ask_same_person(trials: Sequence[Trial]) -> Iterator[findings.Finding]:
+def ask_same_person(trials: abc.Sequence[Trial]) -> abc.Iterator[findings.Finding]:
     """Whether all recordings show one person with one placement of the markers, at one scale.
 
     Bones that differ in size are another person's or another scale's. Markers that all sit elsewhere may have
@@ -101,7 +101,7 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[findings.Finding]:
 
 
 def _weigh_anew(
-    here: Mapping[tuple[str, str, str], float], there: Mapping[tuple[str, str, str], float]
+    here: abc.Mapping[tuple[str, str, str], float], there: abc.Mapping[tuple[str, str, str], float]
 ) -> float:
     """Logarithm of the odds that markers sit on other places of their segments."""
     changes: dict[str, list[float]] = {}

@@ -12,7 +12,7 @@ exchanged is one posterior over the whole body, in which each witness of the fro
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -51,7 +51,7 @@ _NEIGHBOURS = {
         ("shank", "foot"),
     )
 }  # fmt: skip
-_BLOCKS: Mapping[str, frozenset[str]] = {
+_BLOCKS: abc.Mapping[str, frozenset[str]] = {
     "the upper body": frozenset({"head", "trunk", "arm"}),
     "the head": frozenset({"head"}),
     "the arms": frozenset({"arm"}),
@@ -86,7 +86,7 @@ class Handedness:
     turned: tuple[Witness, ...] = ()
 
 
-def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | None:
+def judge_handedness(trial: Trial, roles: abc.Mapping[str, str]) -> Handedness | None:
     """The posterior over which sides of a recording are exchanged; None where nothing tells.
 
     ``trial``: in any axes and unit. ``roles``: label to landmark (``RASIS``, ``RLFE`` …), others by words.
@@ -165,7 +165,7 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     )
 
 
-def _find_crossed(states: Array, pairs: Sequence[SidePair]) -> NDArray[np.intp]:
+def _find_crossed(states: Array, pairs: abc.Sequence[SidePair]) -> NDArray[np.intp]:
     """Which states turn round what crossed legs do: all lines below some height, and no others."""
     regions = np.array([pair.region for pair in pairs])
     legs = [states[:, regions == name] < 0.0 for name in ("thigh", "shank", "foot") if name in regions]
@@ -179,7 +179,7 @@ def _find_crossed(states: Array, pairs: Sequence[SidePair]) -> NDArray[np.intp]:
     return np.flatnonzero(found)
 
 
-def _steps(pairs: Sequence[SidePair]) -> bool:
+def _steps(pairs: abc.Sequence[SidePair]) -> bool:
     """Whether the feet move past each other."""
     lines = [pair.line for pair in pairs if pair.region == "foot"] or [
         p.line for p in pairs if p.region == "shank"
@@ -189,7 +189,7 @@ def _steps(pairs: Sequence[SidePair]) -> bool:
     )
 
 
-def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
+def _name_part(pairs: abc.Sequence[SidePair], exchanged: abc.Sequence[SidePair]) -> str:
     """The part of the body of which all pairs are exchanged and no others, in words; empty if none is."""
     present = {pair.region for pair in pairs}
     wrong = {pair.region for pair in exchanged}
@@ -207,7 +207,7 @@ def _weigh(cosine: Array, usual: tuple[float, float], tail: float) -> Array:
     return density
 
 
-def _list_states(pairs: Sequence[SidePair]) -> tuple[Array, Array]:
+def _list_states(pairs: abc.Sequence[SidePair]) -> tuple[Array, Array]:
     """Signs of the lines by hypothesis, (n_states, n_pairs), and prior probabilities; none flipped first."""
     regions = [pair.region for pair in pairs]
     bases = {np.ones(len(pairs)).tobytes(): 1.0, (-np.ones(len(pairs))).tobytes(): MIRRORED}

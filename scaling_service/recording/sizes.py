@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -26,7 +26,7 @@ slip of the pen): what only contradicts the height is asked about and not refuse
 
 _UPRIGHT = np.cos(np.radians(15.0))  # chosen: thighs, shanks and trunk of somebody who stands lean less
 
-_REACHES: Mapping[str, float] = {
+_REACHES: abc.Mapping[str, float] = {
     "head": 0.20, "trunk": 0.33, "arm": 0.50, "pelvis": 0.25, "thigh": 0.33, "shank": 0.28, "foot": 0.22
 }  # fmt: skip
 """How far apart two markers of a part of the body may be, over stature (chosen: a quarter more than the
@@ -84,8 +84,8 @@ mm of slack in trunk and knees, and palpation)."""
 
 
 def ask_sizes(
-    trials: Sequence[Trial], static: str | None, stated: findings.Stated
-) -> Iterator[findings.Finding]:
+    trials: abc.Sequence[Trial], static: str | None, stated: findings.Stated
+) -> abc.Iterator[findings.Finding]:
     """Whether mass and height can be one person's, and distances between landmarks; trials with Y up."""
     people = anthropometry.predict_dimensions(
         sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg
@@ -106,7 +106,7 @@ def ask_sizes(
         yield from found or _ask_reaches(trial, stated)
 
 
-def _ask_reaches(trial: Trial, stated: findings.Stated) -> Iterator[findings.Finding]:
+def _ask_reaches(trial: Trial, stated: findings.Stated) -> abc.Iterator[findings.Finding]:
     """Whether a label is on another segment than its name says."""
     distances = witnesses.measure_within_segments(trial, findings.list_roles(trial))
     tall = (stated.height_m or _TALLEST_M) * (1.0 + MISSTATED)
@@ -143,7 +143,7 @@ class _Measured:
 
 def _measure_sizes(
     trial: Trial, people: anthropometry.DimensionPrior, *, standing: bool
-) -> Iterator[_Measured]:
+) -> abc.Iterator[_Measured]:
     step = max(1, trial.n_frames // witnesses.FRAMES)
     where = {
         role: (label, trial.position(label)[::step]) for label, role in findings.list_roles(trial).items()
@@ -167,7 +167,7 @@ def _measure_sizes(
                     yield found
 
 
-def _is_upright(where: Mapping[str, Array]) -> bool:
+def _is_upright(where: abc.Mapping[str, Array]) -> bool:
     """Whether legs and trunk are upright, as far as they are known; Y up."""
     middles = [
         np.mean([where[f"{side}{name}"] for side in "RL"], axis=0)
@@ -204,7 +204,7 @@ def _compare(
 
 def _ask_sizes_of(
     trial: Trial, people: anthropometry.DimensionPrior, stated: findings.Stated, *, standing: bool
-) -> Iterator[findings.Finding]:
+) -> abc.Iterator[findings.Finding]:
     found = list(_measure_sizes(trial, people, standing=standing))
     exact = [k for k, one in enumerate(found) if not one.at_most]
     if not exact:

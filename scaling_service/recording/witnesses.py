@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from collections import abc
 from itertools import combinations
 
 import numpy as np
@@ -42,7 +42,7 @@ _WORDS = (
     ("arm", r"ARM|ELBOW|WRIST|BICEP|HUMER|HAND|FINGER"), ("head", r"HEAD|TEMP|EAR"),
     ("trunk", r"SHOULD|ACROM|CLAV|STERN|SCAP"),
 )  # fmt: skip
-_INNER: Mapping[str, str] = {"MFE": "LFE", "MM": "LM", "MT1": "MT5"}
+_INNER: abc.Mapping[str, str] = {"MFE": "LFE", "MM": "LM", "MT1": "MT5"}
 """Inner places of the legs to the outer ones beside them: knees and feet touch there, so that no line between
 the two sides says anything."""
 
@@ -54,7 +54,7 @@ _CHEST = frozenset({"CLAV", "STRN", "STERNUM", "SJN", "SXS", "SUP", "STR", "IJ",
 _SPINE = frozenset({"C7", "CV7", "T2", "T6", "T8", "T10", "T12"})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SidePair:
     """A right and a left label of one place, and the line from left to right."""
 
@@ -64,7 +64,7 @@ class SidePair:
     line: Array  # (n_frames, 3), m
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Witness:
     """What shows the front of a part of the body, whatever its sides are called."""
 
@@ -72,14 +72,14 @@ class Witness:
     labels: tuple[str, ...]  # that it rests on
     regions: frozenset[str]  # of the lines that it is compared with
     right: Array  # (n_frames, 3): front x up; NaN where it shows nothing
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     wrong: float = WRONG  # probability that it misleads
 
 
 class Body:
     """The labels of a recording by place and side."""
 
-    def __init__(self, trial: Trial, roles: Mapping[str, str]) -> None:
+    def __init__(self, trial: Trial, roles: abc.Mapping[str, str]) -> None:
         step = max(1, trial.n_frames // FRAMES)
         self.markers = trial.markers[::step]
         self.columns: dict[str, int] = {}  # landmark or plain name to column
@@ -129,7 +129,7 @@ class Body:
                 found[name] = other
         return found
 
-    def find_pairs(self) -> Iterator[SidePair]:
+    def find_pairs(self) -> abc.Iterator[SidePair]:
         """The pairs whose line says something, in the parts of the body that they are on."""
         for name, other in self.list_partners().items():
             if name in self.regions and name[1:] not in _INNER:
@@ -138,7 +138,7 @@ class Body:
                 yield SidePair(self.labels[right], self.labels[left], self.regions[name], line)
 
     def complete(
-        self, exchanged: Sequence[SidePair], *, whole: bool, part: bool
+        self, exchanged: abc.Sequence[SidePair], *, whole: bool, part: bool
     ) -> tuple[tuple[str, str], ...]:
         """All labels that stand for the other side's: these, all, or the inner ones of a part as well."""
         wrong = {pair.right for pair in exchanged}
@@ -151,8 +151,8 @@ class Body:
         return tuple(found)
 
     def find_outward_lines(
-        self, pairs: Sequence[SidePair], witnesses: Sequence[Witness]
-    ) -> Iterator[tuple[int, float]]:
+        self, pairs: abc.Sequence[SidePair], witnesses: abc.Sequence[Witness]
+    ) -> abc.Iterator[tuple[int, float]]:
         """Cosines with the body's right of the lines from the inner to the outer side of the legs' joints.
 
         Each with the number of its outer pair; the left one's is taken the other way round.
@@ -170,7 +170,7 @@ class Body:
                 if np.isfinite(cosines).any():
                     yield outer_pair, float(np.nanmedian(cosines))
 
-    def find_witnesses(self) -> Iterator[Witness]:
+    def find_witnesses(self) -> abc.Iterator[Witness]:
         """What shows the front of each part of the body."""
         pelvis = self.both("ASIS")
         sacrum = self.both("PSIS") if self.both("PSIS") is not None else self.at("SACR")
@@ -218,7 +218,7 @@ class Body:
                     "the walk", at, frozenset({"pelvis", "thigh"}), np.cross(way[None], up), wrong=BACKWARDS
                 )
 
-    def _find_of_leg(self, side: str, word: str, up: Array | None) -> Iterator[Witness]:
+    def _find_of_leg(self, side: str, word: str, up: Array | None) -> abc.Iterator[Witness]:
         names = [name for name in self.columns if name[0] == side]
         heel, toes = (
             [n for n in names if n == f"{side}HEE"],
@@ -276,7 +276,7 @@ def take_median(values: Array) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tuple[str, str, str], float]:
+def measure_within_segments(trial: Trial, roles: abc.Mapping[str, str]) -> dict[tuple[str, str, str], float]:
     """Median distances (m) of any two markers of a segment, by segment, in words, and their labels."""
     body = Body(trial, roles)
     segments: dict[str, list[str]] = {}

@@ -7,12 +7,12 @@ forbids it to load or send anything, and lets no script run but the bundle's, wh
 from __future__ import annotations
 
 import base64
+import dataclasses
 import gzip
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections import abc
 from functools import lru_cache
 from html import escape
 from pathlib import Path
@@ -36,7 +36,7 @@ _WITHOUT_BUNDLE = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """A result and what its views show.
 
@@ -51,9 +51,9 @@ class Report:
     name: str
     summary: Summary
     document: BaseModel
-    files: Mapping[str, bytes] = field(default_factory=dict)
-    beside: Sequence[str] = ()
-    vocabulary: Mapping[str, Any] = field(default_factory=dict)
+    files: abc.Mapping[str, bytes] = dataclasses.field(default_factory=dict)
+    beside: abc.Sequence[str] = ()
+    vocabulary: abc.Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def html(self) -> str:
         """The whole file; the summary alone where the page was not built."""
@@ -107,7 +107,7 @@ class Report:
         return f'<script type="application/json" id="held">{text.replace("<", chr(92) + "u003c")}</script>'
 
 
-def collect_files(write: Callable[[Path], object]) -> dict[str, bytes]:
+def collect_files(write: abc.Callable[[Path], object]) -> dict[str, bytes]:
     """All that is written into a folder of its own, by names relative to it."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

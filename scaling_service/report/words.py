@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 
 _SHORT = {
     "calcn": "heel bone",
@@ -29,7 +29,7 @@ def format_signed(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:+.{digits}f}"
 
 
-def describe_spans(spans: Iterable[tuple[float, float]]) -> str:
+def describe_spans(spans: abc.Iterable[tuple[float, float]]) -> str:
     """Where along a cycle something holds.
 
     Examples
@@ -40,7 +40,7 @@ def describe_spans(spans: Iterable[tuple[float, float]]) -> str:
     return ", ".join(f"{start:.0f}–{end:.0f}" for start, end in spans) or "nowhere"
 
 
-def unite_keys(mappings: Iterable[Mapping[str, object]]) -> list[str]:
+def unite_keys(mappings: abc.Iterable[abc.Mapping[str, object]]) -> list[str]:
     """All keys, in the order in which they first appear."""
     return list(dict.fromkeys(name for mapping in mappings for name in mapping))
 
@@ -59,7 +59,7 @@ def spell_name(name: str) -> str:
     return _SHORT.get(name, name.replace("_", " "))
 
 
-def spell_parameters(names: Iterable[str]) -> list[str]:
+def spell_parameters(names: abc.Iterable[str]) -> list[str]:
     """Numbers of a model for people: what of which part; components of one place once.
 
     Examples

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import typing
 from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import Field
 
@@ -27,8 +27,8 @@ _PERSONS = 1000  # chosen: cohorts of different seeds share nobody
 PersonDone = abc.Callable[[str, int, int], None]
 """Called with a person's name, how many are done, and of how many."""
 
-Study = TypeVar("Study", bound="StudyDocument")
-Person = TypeVar("Person", bound="PersonPart")
+Study = typing.TypeVar("Study", bound="StudyDocument")
+Person = typing.TypeVar("Person", bound="PersonPart")
 
 HOLDS: dict[bool | None, tuple[str, base.Tone]] = {
     True: ("holds", "good"),
@@ -47,7 +47,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Claim(Generic[Study]):
+class Claim(typing.Generic[Study]):
     """One claim of a paper: the paper's own figures for it, and the question to our study that decides it."""
 
     where: str  # section, table or figure; "truth" or "beyond" where the paper could not tell
@@ -88,11 +88,11 @@ class StudyDocument(base.Part):
     """What ``study.json`` says of every study."""
 
     schema_version: int = STUDY_SCHEMA_VERSION
-    kind: Literal["study"] = "study"
+    kind: typing.Literal["study"] = "study"
     study: str
     source: str
     code_version: str
-    settings: dict[str, Any]
+    settings: dict[str, typing.Any]
     seed: int
     claims: list[ClaimEntry] = Field(default=[])
     notes: list[str] = Field(description="How this study is not the paper's.")

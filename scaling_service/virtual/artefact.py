@@ -7,8 +7,8 @@ displacement is a law of coordinates, the person with moving skin is again a bod
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -48,7 +48,7 @@ RESIDUAL_HZ = 2.0
 """Highest frequency of that part (chosen): it lies near the movement's own (Leardini et al. 2005)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Hidden:
     """One thing that was hidden in recordings."""
 
@@ -59,7 +59,7 @@ class Hidden:
     trial: str | None = None  # the only recording in which it is
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Artefact:
     """How the skin of one person moves."""
 
@@ -124,13 +124,13 @@ def glide_marker(
             if gain != 0.0:
                 laws[axis] += body.Law.of(coordinate, gain, -gain * standing)
     x, y, z = laws
-    return replace(marker, laws=(x, y, z))
+    return dataclasses.replace(marker, laws=(x, y, z))
 
 
 def shift_marker(marker: body.Marker, by: Iterable[float]) -> body.Marker:
     """A marker that sits elsewhere on its segment, by (3,), m."""
     x, y, z = (law + body.Law.constant(float(shift)) for law, shift in zip(marker.laws, by, strict=True))
-    return replace(marker, laws=(x, y, z))
+    return dataclasses.replace(marker, laws=(x, y, z))
 
 
 def draw_residual(artefact: Artefact, rng: np.random.Generator, times: Array) -> Array:

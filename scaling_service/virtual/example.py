@@ -6,10 +6,10 @@ A search that does not know what was hidden is to find it.
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections import abc
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +24,17 @@ from scaling_service.core.streams import stream
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.trc import write_trc
 from scaling_service.model import body
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.lengths import find_joint_centres
-from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.virtual.artefact import Hidden, glide_marker
+from scaling_service.virtual import artefact, subject
 from scaling_service.virtual.bones.person import make_virtual_bones
-from scaling_service.virtual.subject import (
-    VirtualSettings,
-    VirtualSubject,
-    make_session,
-    make_virtual_subject,
-    process_recording,
-)
 
-Progress = Callable[[str], None]
+Progress = abc.Callable[[str], None]
 
 MARKER_MM = 0.35
 """SD of each coordinate of a marker: reproducibility of spheres set on biplanar radiographs (Sauret et al.
@@ -59,11 +52,11 @@ _WAVES = 64  # chosen: in the random field, enough for a normal distribution
 _MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean of |u| for u of SD 1
 _FRAME_M = 0.5  # chosen: SD of the image's origin about the standing person's
 
-RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
+RECORDED = subject.VirtualSettings(artefact=0.0, functional_s=5.0)
 """Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
 movement are found to be enough, and are searched in seconds."""
 
-SLIDING = Hidden(
+SLIDING = artefact.Hidden(
     kind="soft_tissue_artefact",
     where=("RLFE",),
     parameters={"x_mm_per_deg": 0.24, "y_mm_per_deg": 0.32, "z_mm_per_deg": 0.0},
@@ -72,7 +65,7 @@ SLIDING = Hidden(
 """A marker of the thigh that slides with the knee: 0.4 mm/deg in all, twice the usual size of a knee's share
 (``THIGH_MM_PER_DEG``), in a person whose skin is still elsewhere."""
 
-SWAPPED = Hidden(
+SWAPPED = artefact.Hidden(
     kind="marker_swap", where=("LLM", "LMM"), parameters={"start_s": 2.0, "end_s": 2.6}, trial="knee_l"
 )
 """The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""
@@ -85,7 +78,7 @@ PREFIX = "V"
 DOCUMENT = "subject.json"
 IMAGE_MARKERS = "image_markers.csv"
 
-LABELS: Mapping[str, str] = {
+LABELS: abc.Mapping[str, str] = {
     f"{side}{marker}": f"{PREFIX}:{side}{label}"
     for side in "RL"
     for marker, label in (
@@ -106,24 +99,24 @@ R_OURS_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _MM = 1e3
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualImage:
     """What was imaged, and beside it the truth; all in the image's frame, m."""
 
-    bones: Mapping[str, Bone]
+    bones: abc.Mapping[str, Bone]
     """``pelvis``, ``femur_r``, ``tibia_r``, ``femur_l``, ``tibia_l`` to surfaces as reconstructed."""
-    markers: Mapping[
+    markers: abc.Mapping[
         str, tuple[str, body.Vector]
     ]  # skin markers as seen: model marker to (segment, position)
-    centres: Mapping[str, body.Vector]
-    axes: Mapping[str, body.Vector]
-    landmarks: Mapping[str, body.Vector]
+    centres: abc.Mapping[str, body.Vector]
+    axes: abc.Mapping[str, body.Vector]
+    landmarks: abc.Mapping[str, body.Vector]
     """``centres``, ``axes``, ``landmarks``: the truth under the names of ``ImageEvidence``: joint centres,
     knee axes (unit vectors to the right) and points on bone."""
-    poses: Mapping[str, ImagePose]  # segment to where its true frame lies
+    poses: abc.Mapping[str, ImagePose]  # segment to where its true frame lies
 
 
-def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -> VirtualImage:
+def make_virtual_image(person: subject.VirtualSubject, *, progress: Progress | None = None) -> VirtualImage:
     """Image a person, standing as in the standing trial but at rest.
 
     The size of all errors is the person's ``settings.image``; zero is an exact image.
@@ -206,40 +199,40 @@ def _place_points(pose: ImagePose, points: Array) -> Array:
 
 def make_demo_session(
     seed: int,
-    settings: VirtualSettings | None = None,
+    settings: subject.VirtualSettings | None = None,
     *,
     images: bool = False,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[Session, VirtualSubject]:
+    progress: abc.Callable[[str], None] | None = None,
+) -> tuple[Session, subject.VirtualSubject]:
     """A virtual subject as a session, recordings processed: functional movements fit, gait is held out.
 
     ``images``: whether the person's bones were imaged too; making them and reading their landmarks takes
     seconds. ``progress``: called with what is done, where bones are made.
     """
-    person = make_virtual_subject(seed, settings or VirtualSettings())
-    trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
-    session = make_session(person, person.generic, trials)
+    person = subject.make_virtual_subject(seed, settings or subject.VirtualSettings())
+    trials = {name: subject.process_recording(trial, person.generic) for name, trial in person.trials.items()}
+    session = subject.make_session(person, person.generic, trials)
     if images:
         report = progress or show_nothing
         image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
         found = read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
-        session = replace(session, images=found)
+        session = dataclasses.replace(session, images=found)
     return session, person
 
 
 def make_hidden_session(
-    seed: int, settings: VirtualSettings = RECORDED
-) -> tuple[Session, VirtualSubject, tuple[Hidden, ...]]:
+    seed: int, settings: subject.VirtualSettings = RECORDED
+) -> tuple[Session, subject.VirtualSubject, tuple[artefact.Hidden, ...]]:
     """A person's own model, recordings that hold more than it, and what was hidden.
 
     The model is the person's: sizes, knee axes and markers are right. Functional movements fit, walking is
     held out; recordings are neither smoothed nor filled.
     """
-    person = make_virtual_subject(seed, settings)
+    person = subject.make_virtual_subject(seed, settings)
     # The model with the marker that slides
     (name,), (driver,) = SLIDING.where, SLIDING.driver
     gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
-    moved = glide_marker(person.model.marker(name), {driver: body.to_vector(gains)})
+    moved = artefact.glide_marker(person.model.marker(name), {driver: body.to_vector(gains)})
     sliding = person.model.with_markers(tuple(moved if m.name == name else m for m in person.model.markers))
     trials = {}
     for name, trial in person.trials.items():
@@ -252,12 +245,12 @@ def make_hidden_session(
             start, end = SWAPPED.parameters["start_s"], SWAPPED.parameters["end_s"]
             rows = np.flatnonzero((trial.times >= start - 1e-9) & (trial.times <= end + 1e-9))
             markers[rows[:, None], pair] = markers[rows[:, None], pair[::-1]]
-        trials[name] = replace(trial, markers=markers)
-    return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
+        trials[name] = dataclasses.replace(trial, markers=markers)
+    return subject.make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
 
 
 def _place_marker(model: body.BodyModel, names: tuple[str, ...], q: Array) -> Array:
-    return pose_markers(compile_model(model, names), q, list_parameter_values(model))
+    return pose_markers(compiling.compile_model(model, names), q, compiling.list_parameter_values(model))
 
 
 def write_example(
@@ -276,11 +269,11 @@ def write_example(
     ``folder``: is there, and empty. ``name``: of the subject. ``seed``: decides the person.
     ``imaged``: whether there are bones. ``strides``: of each walk. Returns the document.
     """
-    session, person, _hidden = make_hidden_session(seed, replace(RECORDED, strides=strides))
+    session, person, _hidden = make_hidden_session(seed, dataclasses.replace(RECORDED, strides=strides))
     for trial in ((session.static,) if session.static is not None else ()) + session.dynamic:
         file = folder / f"{trial.name}.trc"
         named = trial.relabel(dict(LABELS))
-        write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
+        write_trc(file, dataclasses.replace(named, markers=trial.markers @ R_OURS_LAB))
     known = session.subject
     document = {
         "subject": {

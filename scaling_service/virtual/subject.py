@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,14 +20,8 @@ from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.settings import ProcessingSettings
+from scaling_service.virtual import artefact as artefacts
 from scaling_service.virtual import motion
-from scaling_service.virtual.artefact import (
-    Artefact,
-    draw_artefact,
-    draw_residual,
-    shift_marker,
-    with_artefact,
-)
 
 Sex = Literal["F", "M"]
 
@@ -111,7 +105,7 @@ def draw_knee_tilt(seed: int, side: str) -> tuple[float, float]:
     return (x, y)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualSettings:
     """What is recorded, and how large its faults are (one: as in the literature, zero: none)."""
 
@@ -137,7 +131,7 @@ class VirtualSettings:
             raise ValueError("sizes of faults are not negative, lengths and rates are positive")
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualSubject:
     """A person of whom everything is known."""
 
@@ -152,7 +146,7 @@ class VirtualSubject:
     tilts: Mapping[str, tuple[float, float]]
     """Knee to the true turns of its axis about x and y of the thigh, rad."""
     marker_offsets: Mapping[str, body.Vector]  # marker to its misplacement on the segment, m
-    artefact: Artefact  # how the skin moves
+    artefact: artefacts.Artefact  # how the skin moves
     motions: Mapping[str, Array]
     """Trial to the true coordinates, (n_frames, n_coordinates) in the model's order, rad or m."""
     trials: Mapping[str, Trial]
@@ -186,19 +180,19 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     model = _draw_truth(seed, generic, factors, tilts, offsets, mass)
     style = motion.draw_style(stream(seed, "style"), sex)
     motions = _simulate_motions(seed, model, style, height, settings)
-    skin = draw_artefact(seed, model, style.stance, settings.artefact)
+    skin = artefacts.draw_artefact(seed, model, style.stance, settings.artefact)
     trials = {}
     for name, q in motions.items():
         labels = tuple(m.name for m in model.markers if m.weight > 0.0)
         times = np.arange(len(q)) / settings.rate_hz
-        moving = with_artefact(model, skin)
+        moving = artefacts.with_artefact(model, skin)
         markers = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
         still = name == "static"
         noise = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
         markers = markers + noise * stream(seed, "camera", name).normal(size=markers.shape)
         if not still:
             for k, label in enumerate(labels):
-                markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
+                markers[:, k] += artefacts.draw_residual(skin, stream(seed, "artefact", name, label), times)
                 # Whether a marker is hidden in each frame, never in the first or last.
                 rng = stream(seed, "gaps", name, label)
                 hidden = np.zeros(len(times), dtype=bool)
@@ -268,8 +262,10 @@ def _draw_truth(
         for joint, turns in tilts.items()
         for letter, v in zip("xy", turns, strict=True)
     }
-    markers = tuple(shift_marker(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
-    return replace(parameters.fold(model.with_markers(markers), values), name=f"virtual_{seed}")
+    markers = tuple(
+        artefacts.shift_marker(m, offsets[m.name]) if m.name in offsets else m for m in model.markers
+    )
+    return dataclasses.replace(parameters.fold(model.with_markers(markers), values), name=f"virtual_{seed}")
 
 
 def _simulate_motions(

@@ -6,22 +6,22 @@ import itertools
 import multiprocessing
 import signal
 import threading
+import typing
 from collections import abc
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing.synchronize import Event
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from scaling_service.core import threads
 
-if TYPE_CHECKING:
+if typing.TYPE_CHECKING:
     from multiprocessing.queues import Queue
 
     Messages = Queue[tuple[str, str, float] | None]
 
-P = ParamSpec("P")
-T = TypeVar("T")
+P = typing.ParamSpec("P")
+T = typing.TypeVar("T")
 
 Listener = abc.Callable[[str, str, float], None]
 """Called with a subject's name, what is being done, and the share that is done, 0 to 1."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from scaling_service.core import errors
@@ -16,13 +16,13 @@ _SEPARATORS = ",;\t"
 """What spreadsheets of different countries write; the one that the header's ``subject`` stands between."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Listed:
     """One subject of a list: its file, that file as the list writes it, and further columns as groups."""
 
     file: Path
     shown: str
-    groups: abc.Mapping[str, str] = field(default_factory=dict)
+    groups: abc.Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -9,7 +10,6 @@ import time
 from collections import abc
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Literal, Protocol
@@ -44,7 +44,7 @@ class NothingPossible(InputError):
     """None of the methods that were asked for can be done with what a subject has."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Done:
     """What a member gives: its summary, and whether it was kept from an earlier run."""
 
@@ -71,7 +71,7 @@ class Member(Protocol):
         """Scale the subject; raises NothingPossible to be skipped, any other InputError to fail."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """How a member ended.
 
@@ -180,7 +180,7 @@ def _run_member(member: Member, methods: abc.Sequence[str] | None, settings: Set
     return make_outcome("done", "unchanged since an earlier run" if done.kept else "", done)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Record:
     """That a subject is done: in SI with every digit, so that another run gives the same.
 
@@ -193,7 +193,7 @@ class Record:
     summary: summaries.SubjectSummary
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class SubjectMember:
     """How to scale the subject of a file, and where to write its results.
 
@@ -205,7 +205,7 @@ class SubjectMember:
     file: Path
     folder: Path
     shown: str = ""
-    groups: abc.Mapping[str, str] = field(default_factory=dict)
+    groups: abc.Mapping[str, str] = dataclasses.field(default_factory=dict)
     force: bool = False
     error: InputError | None = None
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import time
 from collections import abc
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -134,7 +134,7 @@ class Watcher(Protocol):
         """A subject ended."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, repr=False)
 class BatchResult:
     """All that a report of a cohort needs."""
 
@@ -262,7 +262,7 @@ def batch(
     ):
         outcomes = cohort_outcomes.run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
-    return replace(result, files=saving.save_cohort(result.document, outcomes, folder))
+    return dataclasses.replace(result, files=saving.save_cohort(result.document, outcomes, folder))
 
 
 def summarise_cohort(

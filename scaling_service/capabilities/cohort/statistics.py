@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import abc
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,12 +34,12 @@ _STILL_MM = 1e-3  # chosen: what varies less over persons than a micrometre is a
 _MM = 1e3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class CohortSettings:
     """How a cohort is compared."""
 
     alpha: float = 0.05  # of every test of single numbers
-    waveforms: statistics_waveforms.WaveformSettings = field(
+    waveforms: statistics_waveforms.WaveformSettings = dataclasses.field(
         default_factory=statistics_waveforms.WaveformSettings
     )
     confidence: float = 0.95  # of the intervals of agreement
@@ -220,7 +220,7 @@ def _compare_curve(
     side = coordinate.rpartition("_")[2]
     counted = [s for s in subjects if s.subject in panel.subjects]
     sat = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
-    known = replace(panel, excluded={s: sat.get(s, why) for s, why in panel.excluded.items()})
+    known = dataclasses.replace(panel, excluded={s: sat.get(s, why) for s, why in panel.excluded.items()})
     values = np.array([[s.methods[m].curves[coordinate] for m in panel.methods] for s in counted])
     reference = next((m for m in REFERENCES if m in panel.methods), None)
     note, test = groups.explain_too_few(panel), None

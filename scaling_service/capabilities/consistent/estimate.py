@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ FREE_MASS = identifications.IdentificationSettings(mass_known=False)
 """The plates tell the mass."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrackedRecording:
     """One recording tracked by one model."""
 
@@ -37,7 +37,7 @@ class TrackedRecording:
     weight: float = float("nan")  # of the wrench in the balance; NaN where markers alone were tracked
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentResult:
     """What the loop found."""
 
@@ -203,7 +203,7 @@ def _predict(
     settings: problems.ConsistentSettings,
 ) -> TrackedRecording:
     """The classical two steps anew."""
-    again = replace(recording, motion=inverse_kinematics(model, recording.trial))
+    again = dataclasses.replace(recording, motion=inverse_kinematics(model, recording.trial))
     return _measure_unchanged(
         model, again, consistent_recording.estimate_classical_motion(model, again, settings), settings
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +38,7 @@ NEEDED = ("ANK", "KNE", "ASI", "PSI", "SHO")
 """Markers without which lengths cannot be found."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class SagittalPlane:
     """Where the plane lies in the session's axes."""
 
@@ -70,7 +70,7 @@ def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = markers.PLAN
             field=missing[0],
             remedy="Map the labels under `markers:` in the subject file",
         )
-    return replace(trial, labels=tuple(found), markers=np.stack(list(found.values()), axis=1))
+    return dataclasses.replace(trial, labels=tuple(found), markers=np.stack(list(found.values()), axis=1))
 
 
 def find_sagittal_plane(trial: Trial) -> SagittalPlane:
@@ -182,7 +182,7 @@ def _place(
     turn, origin = frames[marker.segment]
     x, y = turn.T @ (seen[marker.name] - origin)
     placed = body.Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0), weight=marker.weight)
-    return replace(placed, anatomical=marker.anatomical)
+    return dataclasses.replace(placed, anatomical=marker.anatomical)
 
 
 def prepare_squat(

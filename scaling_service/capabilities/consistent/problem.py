@@ -7,7 +7,7 @@ table's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,7 @@ from scaling_service.capabilities.consistent.geometric import GeometryPrior
 from scaling_service.core.arrays import Array
 from scaling_service.numerics import wrench as numerics_wrench
 from scaling_service.numerics.multibody import marker_rates
-from scaling_service.numerics.multibody.motion import (
-    N_PARAMETERS,
-    Inertias,
-    LinkMotion,
-    Mechanism,
-    Screws,
-    list_screws,
-    move_links,
-)
-from scaling_service.numerics.multibody.motion import Motion as Rates
+from scaling_service.numerics.multibody import motion as motions
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals import splines
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
@@ -40,7 +31,7 @@ BLOCK = 128
 """Frames at a time (chosen: 30 coordinates then take 10 MB for each matrix of a frame's unknowns)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistentSettings:
     """Settings of the loop of motion, geometry and inertia (Futamure et al., fig. 2)."""
 
@@ -74,7 +65,7 @@ class ConsistentSettings:
     moment_resolution_nm: float = 0.22
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class WrenchTargets:
     """The measured ground wrench."""
 
@@ -83,7 +74,7 @@ class WrenchTargets:
     about: Array  # (n, 3), m: the point that moments are taken about
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Coefficients (n_coefficients, m), and shared numbers (k,) in standard deviations."""
 
@@ -91,7 +82,7 @@ class State:
     shared: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Objectives:
     """What a motion leaves unexplained."""
 
@@ -102,11 +93,11 @@ class Objectives:
     wrench_gaps: Array  # (n, 6), N and N m: measured minus model, also where nothing is weighed
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentProblem:
     """Markers and ground wrench of one recording, as functions of spline coefficients and shared numbers."""
 
-    mechanism: Mechanism
+    mechanism: motions.Mechanism
     tree: Tree  # the mechanism's links, with the markers to follow
     p: Array  # (n_parameters,)
     basis: splines.SplineBasis
@@ -124,7 +115,7 @@ class ConsistentProblem:
         """Shifts first, then inertia."""
         return self.shifts.count + int(self.inertia.shape[1])
 
-    def motion(self, coefficients: Array) -> Rates:
+    def motion(self, coefficients: Array) -> motions.Motion:
         """The motion of all coordinates, of coefficients (n_coefficients, m)."""
         n = len(self.basis.times)
         parts = []
@@ -132,25 +123,25 @@ class ConsistentProblem:
             whole = np.tile(self.constant if order == 0 else np.zeros_like(self.constant), (n, 1))
             whole[:, self.free] = moved
             parts.append(whole)
-        return Rates.of_frames(*parts)
+        return motions.Motion.of_frames(*parts)
 
-    def move_mechanism(self, shared: Array) -> Mechanism:
+    def move_mechanism(self, shared: Array) -> motions.Mechanism:
         """The mechanism with the inertia that shared numbers say."""
         change = self.inertia @ shared[self.shifts.count :]
-        parameters = self.mechanism.inertias.parameters() + change.reshape(-1, N_PARAMETERS)
-        return replace(self.mechanism, inertias=Inertias.of_parameters(parameters))
+        parameters = self.mechanism.inertias.parameters() + change.reshape(-1, motions.N_PARAMETERS)
+        return dataclasses.replace(self.mechanism, inertias=motions.Inertias.of_parameters(parameters))
 
     def objectives(self, state: State) -> Objectives:
         """Both objectives."""
         return self.objectives_of(self.motion(state.coefficients), state.shared)
 
-    def objectives_of(self, motion: Rates, shared: Array | None = None) -> Objectives:
+    def objectives_of(self, motion: motions.Motion, shared: Array | None = None) -> Objectives:
         """Both objectives of any motion at the basis' times."""
         n, x = len(self.basis.times), np.zeros(self.n_shared) if shared is None else shared
         mechanism = self.move_mechanism(x)
         gaps, wrench_gaps, total = np.empty((n, self.tree.n_markers, 3)), np.empty((n, 6)), 0.0
         for rows in numerics_wrench.split_blocks(n, BLOCK):
-            state = move_links(mechanism, motion.block(rows), self.p)
+            state = motions.move_links(mechanism, motion.block(rows), self.p)
             _, moved, _, targets = self._marker_block(state, x, rows)
             _, squares = marker_rates.compute_marker_misfit(moved, targets)
             rigid = marker_rates.compute_marker_motion(self.tree, self.p, state)
@@ -167,7 +158,7 @@ class ConsistentProblem:
         x = np.where(self.shifts.signal == CONSTANT, 0.0, state.shared[: self.shifts.count])
         result = np.empty((n, self.tree.n_markers, 3))
         for rows in numerics_wrench.split_blocks(n, BLOCK):
-            moved = move_links(self.mechanism, motion.block(rows), self.p)
+            moved = motions.move_links(self.mechanism, motion.block(rows), self.p)
             shifts = self.shifts.rows(rows)
             result[rows] = shifts.move(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
         return result
@@ -178,7 +169,7 @@ class ConsistentProblem:
         mechanism, glide = self.move_mechanism(at.shared), slice(0, self.shifts.count)
         markers, wrenches = (_Sum.empty(self.basis, m, k) for _ in range(2))
         for rows in numerics_wrench.split_blocks(len(self.basis.times), BLOCK):
-            screws = list_screws(mechanism, motion.block(rows), self.p, self.free)
+            screws = motions.list_screws(mechanism, motion.block(rows), self.p, self.free)
             shifts, moved, columns, targets = self._marker_block(screws.state, at.shared, rows)
             gap, squares = marker_rates.compute_marker_misfit(moved, targets)
             by = marker_rates.list_twist_rows(moved)
@@ -201,7 +192,7 @@ class ConsistentProblem:
         return markers.quadratic(), wrenches.quadratic()
 
     def _marker_block(
-        self, state: LinkMotion, shared: Array, rows: slice
+        self, state: motions.LinkMotion, shared: Array, rows: slice
     ) -> tuple[marker_rates.MarkerShifts, Array, Array, marker_rates.MarkerTargets]:
         shifts = self.shifts.rows(rows)
         columns = shifts.columns(self.tree, state)
@@ -210,7 +201,13 @@ class ConsistentProblem:
         return shifts, moved, columns, self.markers.rows(rows)
 
     def _add_wrench(
-        self, total: _Sum, mechanism: Mechanism, screws: Screws, motion: Rates, rows: slice, m: int
+        self,
+        total: _Sum,
+        mechanism: motions.Mechanism,
+        screws: motions.Screws,
+        motion: motions.Motion,
+        rows: slice,
+        m: int,
     ) -> None:
         rates = numerics_wrench.differentiate_wrench(mechanism, screws, m)
         by = self._moments_about(rates.by.reshape(-1, 6, 3 * m), rows, np.zeros((3, motion.n)))
@@ -243,7 +240,7 @@ class ConsistentProblem:
         return numerics_wrench.move_moment(wrench, self.wrench.about[rows].T)
 
 
-@dataclass(slots=True, eq=False)
+@dataclasses.dataclass(slots=True, eq=False)
 class _Sum:
     """A quadratic while frames are added; its own value comes last."""
 
@@ -279,4 +276,4 @@ class _Sum:
 
     def quadratic(self) -> splines.Quadratic:
         """The sum."""
-        return replace(self.of, value=self.value)
+        return dataclasses.replace(self.of, value=self.value)

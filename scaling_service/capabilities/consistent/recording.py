@@ -7,8 +7,8 @@ estimated with the motion, with the artefact that literature expects as its prio
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +141,7 @@ def _find_driver(model: body.BodyModel, segment: body.Segment, q: Array) -> Arra
     return np.asarray(score / max(float(np.ptp(score)), FULL_RAD))
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentRecording:
     """Markers and forces of one movement."""
 
@@ -182,8 +182,8 @@ class ConsistentRecording:
         """Only these frames, under another name."""
         motion, loads = self.motion, self.loads
         return ConsistentRecording(
-            trial=replace(self.trial.frames(rows), name=name),
-            motion=replace(
+            trial=dataclasses.replace(self.trial.frames(rows), name=name),
+            motion=dataclasses.replace(
                 motion,
                 trial=name,
                 times=motion.times[rows],

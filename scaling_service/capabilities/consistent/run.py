@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -137,7 +137,7 @@ def _to_mm(metres: float) -> float:
     return round(1e3 * metres, 3)
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ready:
     """Recordings to fit and to hold out, the model to start from, and what was decided on the way."""
 
@@ -175,7 +175,7 @@ def read(
     borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
     mass, before = float(borne.mean() / -GRAVITY[1]), inertia.sum_mass(prepared.model)
     said = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
-    changed = replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
+    changed = dataclasses.replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
     prepared, notes = changed, said if abs(mass / before - 1.0) > 0.01 else ()
     # fitted markers, and those of a given model, are where they are said to be
     placed_m = PLACED_M if prepared.start in ("MB", "EB", planar.STANDING) else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -12,9 +12,6 @@ from scaling_service.capabilities.datasets import catalogue
 from scaling_service.capabilities.shared import screen
 from scaling_service.capabilities.shared.flags import make_folder_parser
 from scaling_service.report import tables
-
-if TYPE_CHECKING:
-    pass
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import typing
 from collections import abc
 from dataclasses import dataclass
 from html import escape
-from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
@@ -32,8 +32,8 @@ def _round_figures(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-Number = Annotated[float, pydantic.AfterValidator(_round_figures)]
-Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], pydantic.BeforeValidator(tuple)]
+Number = typing.Annotated[float, pydantic.AfterValidator(_round_figures)]
+Six = typing.Annotated[tuple[Number, Number, Number, Number, Number, Number], pydantic.BeforeValidator(tuple)]
 Yes = tuple[bool, bool, bool, bool, bool, bool]
 
 
@@ -49,7 +49,7 @@ class Wrench(base.Part):
 
     @pydantic.model_validator(mode="before")
     @classmethod
-    def _name_components(cls, values: Any) -> Any:
+    def _name_components(cls, values: typing.Any) -> typing.Any:
         """Six numbers of an array by their names."""
         return dict(zip(cls.model_fields, values, strict=True)) if isinstance(values, np.ndarray) else values
 
@@ -61,7 +61,7 @@ class ResidualGate(base.Part):
     source: str
     value: Number
     limit: Number
-    unit: Literal["N", "N m"]
+    unit: typing.Literal["N", "N m"]
     passed: bool
 
 
@@ -76,7 +76,7 @@ class UncertaintyDocument(base.Part):
 class JointLoad(base.Part):
     """Generalised force of one coordinate over the judged frames."""
 
-    unit: Literal["N", "N m"]
+    unit: typing.Literal["N", "N m"]
     peak: Number = pydantic.Field(description="The largest size.")
     rms: Number
 
@@ -84,7 +84,7 @@ class JointLoad(base.Part):
 class TrialDynamicsDocument(base.Part):
     """One recording."""
 
-    role: Literal["calibration", "evaluation"]
+    role: typing.Literal["calibration", "evaluation"]
     forces_from: str = pydantic.Field(description="File that the forces came from.")
     frames: int = pydantic.Field(description="Frames that count.")
     left_out: int = pydantic.Field(
@@ -119,7 +119,7 @@ class InertialChange(base.Part):
 
     segment: str
     quantity: str
-    unit: Literal["kg", "m", "kg m2"]
+    unit: typing.Literal["kg", "m", "kg m2"]
     before: Number
     after: Number
     prior_sd: Number

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections import abc
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,7 +48,7 @@ _SETUPS = (
 """What an XML file of OpenSim is; the first that fits counts, for set-ups may hold marker sets."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordingFile:
     """A recording as it was read, and what it alone says."""
 
@@ -97,9 +97,9 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     if trial.plates is None:
         return seen
     try:
-        return replace(seen, forces=compute_ground_forces(trial.plates))
+        return dataclasses.replace(seen, forces=compute_ground_forces(trial.plates))
     except errors.InputError as error:
-        return replace(seen, problems=(make_problem(error, "warning", file.name),))
+        return dataclasses.replace(seen, problems=(make_problem(error, "warning", file.name),))
 
 
 def decide_session_axes(
@@ -152,7 +152,7 @@ Kind = Literal[
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class InputFile:
     """One uploaded file.
 
@@ -189,9 +189,9 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     if file.name.lower().endswith(segmentation.MAP_SUFFIXES):
         mask = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
         try:
-            return replace(mask, why=segmentation.describe_label_map(file))
+            return dataclasses.replace(mask, why=segmentation.describe_label_map(file))
         except errors.InputError as error:
-            return replace(mask, problem=make_problem(error, file=file.name))
+            return dataclasses.replace(mask, problem=make_problem(error, file=file.name))
     for other in file.parent.iterdir():
         if file.name in segmentation.list_tables(other.name):
             return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
@@ -226,15 +226,15 @@ def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
     found = _try_reading(guess, file, lambda: look_at(file, up, forward))
     if found.problem is None or found.problem.field not in (FIELD, "time"):
         return found
-    return other if found.problem.field == FIELD else replace(other, why=found.problem.problem)
+    return other if found.problem.field == FIELD else dataclasses.replace(other, why=found.problem.problem)
 
 
 def _try_reading(guess: InputFile, file: Path, read: abc.Callable[[], Any]) -> InputFile:
     """The guess with what was read, or with why nothing could be."""
     try:
-        return replace(guess, content=read())
+        return dataclasses.replace(guess, content=read())
     except errors.InputError as error:
-        return replace(guess, problem=make_problem(error, file=file.name))
+        return dataclasses.replace(guess, problem=make_problem(error, file=file.name))
 
 
 def _read_table(file: Path) -> InputFile:
@@ -289,9 +289,9 @@ def _read_xml(file: Path) -> InputFile:
                 try:
                     setup = read_scale_setup(file)
                 except errors.InputError as error:
-                    return replace(guess, problem=make_problem(error, file=file.name))
+                    return dataclasses.replace(guess, problem=make_problem(error, file=file.name))
                 pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
-                return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
+                return dataclasses.replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
             return InputFile(name=file.name, kind="setup", why="a marker set of OpenSim", content=place)
     return InputFile(name=file.name, kind="other", why="XML that is not used here")
 

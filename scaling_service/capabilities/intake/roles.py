@@ -360,14 +360,11 @@ def ask_for_person(sizes: documents.SizesProof) -> abc.Iterator[documents.Proble
         words = {"height_m": "height", "mass_kg": "mass", "sex": "sex"}
         example = {"height_m": "1.70", "mass_kg": "62.0", "sex": "F or M"}
         given = ", ".join(f"{name}: {example[name]}" for name in missing)
+        *others, last = (words[name] for name in missing)
+        listed = " and ".join(filter(None, (", ".join(others), last)))
         yield documents.ProblemEntry(
             severity="warning",
             field="subject",
-            problem=f"{_list_in_words([words[name] for name in missing])} of the person {are} not known, "
-            "which inertia and all that rests on it need",
+            problem=f"{listed} of the person {are} not known, which inertia and all that rests on it need",
             remedy=f"Write `subject: {{{given}}}` with the person's own values",
         )
-
-
-def _list_in_words(names: abc.Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

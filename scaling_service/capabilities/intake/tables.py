@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -24,8 +24,7 @@ from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
-from scaling_service.recording import orientation
-from scaling_service.recording.plates_feet import EDGE_M, measure_overhang
+from scaling_service.recording import orientation, plates_feet
 
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
@@ -49,7 +48,7 @@ SAME_S = 0.1  # chosen: events of one foot nearer than this are one; a step take
 _BOTH = 0.3  # chosen: share of a contact that a foot must be there
 _FEWEST = 10  # frames that tell an offset
 
-_FEET: Mapping[str, str] = {"r": "right foot", "l": "left foot"}
+_FEET: abc.Mapping[str, str] = {"r": "right foot", "l": "left foot"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +161,7 @@ class Contact:
 _Kind = Literal["strike", "off"]
 
 
-def list_events(trial: Trial, contacts: Sequence[Contact], *, given: bool) -> list[documents.EventProof]:
+def list_events(trial: Trial, contacts: abc.Sequence[Contact], *, given: bool) -> list[documents.EventProof]:
     """The recording's events of gait by time; those of plates where nobody else says when that is.
 
     A contact that one foot alone makes begins and ends with an event, unless the recording does.
@@ -225,7 +224,7 @@ def describe_plates(
     for side in _FEET:
         on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
         if on and forces.corners is not None:
-            overhang[side] = measure_overhang(
+            overhang[side] = plates_feet.measure_overhang(
                 forces.corners, np.stack([trial.position(label) for label in on], axis=1)
             )
         on = on or clusters.get(f"tibia_{side}", [])
@@ -276,7 +275,7 @@ def describe_plates(
             reach = np.concatenate([[-np.inf], *beyond]).max()
             nobody = "a foot that is not seen" if hidden[rows].mean() > _BOTH else "nobody"
             who = " and ".join(_FEET[side] for side in one.who) or nobody
-            edge = f", {1e3 * reach:.0f} mm over its edge" if reach > EDGE_M else ""
+            edge = f", {1e3 * reach:.0f} mm over its edge" if reach > plates_feet.EDGE_M else ""
             said.append(f"{who} {trial.times[one.start]:.2f}–{trial.times[one.stop - 1]:.2f} s{edge}")
         changes = {
             "kind": kinds[k] if k < len(kinds) else None,

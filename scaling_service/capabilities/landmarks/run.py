@@ -48,7 +48,13 @@ def landmark_bones(
     except results.MeshRefused as error:
         file = bones.get(error.field or "", bones.get(images.SEGMENTATION))
         raise results.MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
-    notes = (*_ask_whether_joined(found), *imaged.tell())
+    try:
+        doubts = whole.check_joined(found)
+    except results.MeshRefused as error:  # bones may each lie in a frame of their own
+        doubts = (
+            f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",
+        )
+    notes = (*doubts, *imaged.tell())
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
     return documents.LandmarksDocument(
         code_version=writing.code_version(),
@@ -71,14 +77,6 @@ def save_landmarks(document: documents.LandmarksDocument, folder: str | Path) ->
         absent = [bone for bone in whole.BONES if getattr(document, bone) is None]
         writing.write_json(scratch / FILE_NAME, document, without=absent)
     return Path(folder) / FILE_NAME
-
-
-def _ask_whether_joined(found: abc.Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
-    """What tells against one image of one person: told, as bones may each lie in a frame of their own."""
-    try:
-        return whole.check_joined(found)
-    except results.MeshRefused as error:
-        return (f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",)
 
 
 def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -28,7 +28,7 @@ FILE_NAME = f"{FOLDER}/scene.json"
 _MM = 1e3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Detail:
     """How much of a scene is kept: triangles of a bone, and frames of a recording (None: all)."""
 
@@ -42,7 +42,7 @@ INSIDE = Detail(most_faces=1_500, most_frames=150)
 of six recordings."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Body:
     """One model of the person.
 
@@ -51,10 +51,10 @@ class Body:
 
     name: str
     model: BodyModel
-    bones: abc.Mapping[str, trials.Bone] = field(default_factory=dict)
+    bones: abc.Mapping[str, trials.Bone] = dataclasses.field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Played:
     """How a body moves in a recording.
 
@@ -72,7 +72,7 @@ class Played:
     estimated: frozenset[str]
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Recorded:
     """A recording with all bodies in it.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import typing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import pydantic
 
@@ -16,14 +16,14 @@ from scaling_service.core.progress import Progress, report_part
 from scaling_service.documents import results as documents
 from scaling_service.documents.base import DOCUMENT
 
-if TYPE_CHECKING:
+if typing.TYPE_CHECKING:
     from scaling_service.capabilities.scaling.result import Results
 
 _COMPUTING, _WRITING = 0.6, 0.95
 """Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest
 is what is played back."""
 
-ChosenMethods = Annotated[list[str] | None, pydantic.AfterValidator(names.check_methods)]
+ChosenMethods = typing.Annotated[list[str] | None, pydantic.AfterValidator(names.check_methods)]
 
 
 class ScalingRequest(job.OfRecordings, ComparisonOptions):
@@ -39,25 +39,25 @@ class ScalingRequest(job.OfRecordings, ComparisonOptions):
 class KinematicErrorRequest(ScalingRequest):
     """Compare how closely the methods' models follow the markers, on recordings fitted and held out."""
 
-    view: ClassVar[str] = "kinematic_error"
+    view: typing.ClassVar[str] = "kinematic_error"
 
 
 class SegmentLengthsRequest(ScalingRequest):
     """Compare the segment lengths and joint centres of the methods' models."""
 
-    view: ClassVar[str] = "segment_lengths"
+    view: typing.ClassVar[str] = "segment_lengths"
 
 
 class JointAnglesRequest(ScalingRequest):
     """Compare the joint angles that the methods' models give in the same recordings."""
 
-    view: ClassVar[str] = "joint_angles"
+    view: typing.ClassVar[str] = "joint_angles"
 
 
 class LinearRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model in closed form: from marker distances, or from images."""
 
-    method: Literal["MB", "EB"] = pydantic.Field(
+    method: typing.Literal["MB", "EB"] = pydantic.Field(
         default="MB", description="MB from marker distances, EB from bones.", examples=["MB"]
     )
 
@@ -73,7 +73,7 @@ class OptimisedRequest(job.OfRecordings, ScaleOptions):
     )
 
 
-def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress) -> typing.Any:
     """Write each method's folder, ``comparison.json`` and ``report.html``; the comparison is the result.
 
     Raises InputError: whatever in the subject, the model or the recordings cannot be used.
@@ -85,7 +85,7 @@ def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progre
 
 def scale_by_one(
     request: LinearRequest | OptimisedRequest, inputs: Path, outputs: Path, progress: Progress
-) -> Any:
+) -> typing.Any:
     """Write the method's folder; its ``scaling.json`` is the result. Raises as the comparison does."""
     options = ComparisonOptions(**request.part(ScaleOptions).model_dump())
     _scale(request, (request.method,), inputs, outputs, progress, options, comparison=False)
@@ -97,7 +97,7 @@ def view_comparison(
     inputs: Path,
     outputs: Path,
     progress: Progress,
-) -> Any:
+) -> typing.Any:
     """Write the comparison, and its view as JSON and CSV; raises as the comparison does."""
     from scaling_service.capabilities.scaling.comparison_views import write_view
 

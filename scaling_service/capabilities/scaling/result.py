@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import abc
-from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -34,7 +34,7 @@ _MM = 1e3
 _WHOSE = ("another_person", "scale", "mass")  # codes of what leaves open whose body it is, or how large
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Scaling:
     """One method's model of a person, and how it follows the recordings.
 
@@ -75,19 +75,19 @@ class Scaling:
     motions: abc.Mapping[str, Motion]
     errors: abc.Mapping[str, KinematicError]
     geometry: geometries.Geometry
-    angle_sds: abc.Mapping[str, abc.Mapping[str, float]] = field(default_factory=dict)
-    deviations: abc.Mapping[str, Array] = field(default_factory=dict)
+    angle_sds: abc.Mapping[str, abc.Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    deviations: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
-    attachments: abc.Mapping[str, MovedAttachments] = field(default_factory=dict)
-    followed: abc.Mapping[str, TrackedTrial] = field(default_factory=dict)
+    attachments: abc.Mapping[str, MovedAttachments] = dataclasses.field(default_factory=dict)
+    followed: abc.Mapping[str, TrackedTrial] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
         numbers = len(self.calibration.parameters)
         return f"Scaling by {self.calibration.method}, {numbers} numbers fitted: {self.calibration.model!r}"
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Results:
     """What one or several methods made of a subject.
 
@@ -224,6 +224,12 @@ def gather_evidence(results: Results) -> evidence.Evidence:
     session = results.session
     fitted = [trial.name for trial in session.calibration]
     names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
+    # By which recordings and images look like more than one body, or none.
+    contradictions = [str(note) for note in session.notes if note.code in _WHOSE]
+    for scaling in results.scalings.values():
+        contradictions += scaling.calibration.contradictions
+    errors = {name: scaling.errors for name, scaling in results.scalings.items()}
+    contradictions += geometries.list_doubts(errors, {}, None)
     return evidence.Evidence(
         tuple(
             _gather_method_evidence(scaling, fitted, results.held_out)
@@ -231,16 +237,8 @@ def gather_evidence(results: Results) -> evidence.Evidence:
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
         geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
-        tuple(dict.fromkeys(_list_contradictions(results))),
+        tuple(dict.fromkeys(contradictions)),
     )
-
-
-def _list_contradictions(results: Results) -> abc.Iterator[str]:
-    """By which recordings and images look like more than one body, or none."""
-    yield from (str(note) for note in results.session.notes if note.code in _WHOSE)
-    for scaling in results.scalings.values():
-        yield from scaling.calibration.contradictions
-    yield from geometries.list_doubts({name: s.errors for name, s in results.scalings.items()}, {}, None)
 
 
 def _gather_method_evidence(

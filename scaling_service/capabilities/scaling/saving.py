@@ -33,7 +33,7 @@ from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.scaling.words import summarise
 from scaling_service.capabilities.subject import provenance
 from scaling_service.core import errors
-from scaling_service.core.progress import Progress, show_nothing
+from scaling_service.core import progress as progressing
 from scaling_service.documents import results as documents
 from scaling_service.documents import writing
 from scaling_service.files.osim.models import replace_text
@@ -60,7 +60,7 @@ def save(
     comparison: bool = True,
     report: bool = True,
     truth: documents.TruthDocument | None = None,
-    progress: Progress | None = None,
+    progress: progressing.Progress | None = None,
 ) -> documents.ComparisonDocument:
     """Write results into a folder.
 
@@ -101,7 +101,7 @@ def save(
     >>> list(document.methods)
     ['MB']
     """
-    tell, gait, verdict = progress or show_nothing, results.gait, results.verdict
+    tell, gait, verdict = progress or progressing.show_nothing, results.gait, results.verdict
     with writing.all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, documents.MethodResult] = {}
         bare = [name for name, scaling in results.scalings.items() if scaling.osim is None]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 import inspect
+import typing
 from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin
 
 import annotated_types
 import typer
@@ -18,7 +18,7 @@ from scaling_service.core import options
 from scaling_service.core.errors import InputError
 
 # Whether a path can be read is asked where it is read, with file and remedy in the answer.
-SubjectFile = Annotated[
+SubjectFile = typing.Annotated[
     Path,
     typer.Argument(metavar="SUBJECT", help="Subject file, YAML or JSON.", show_default=False, readable=False),
 ]
@@ -35,7 +35,7 @@ def make_folder_parser(option: str) -> abc.Callable[[str], Path]:
     return parse
 
 
-Out = Annotated[
+Out = typing.Annotated[
     Path,
     typer.Option(
         "--out",
@@ -46,7 +46,7 @@ Out = Annotated[
         parser=make_folder_parser("--out"),
     ),
 ]
-Tables = Annotated[
+Tables = typing.Annotated[
     str,
     typer.Option(
         metavar="FORMAT,…",
@@ -55,8 +55,8 @@ Tables = Annotated[
         show_default=False,
     ),
 ]
-Report = Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]
-Workers = Annotated[
+Report = typing.Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]
+Workers = typing.Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="Subjects at a time; unless given, one per processor core."),
 ]
@@ -93,7 +93,7 @@ class _Field:
     def signature(self, default: options.Options) -> inspect.Parameter:
         """The parameter that typer makes an option of."""
         value = functools.reduce(getattr, self.path, default)
-        bounds: dict[str, Any] = {} if self.flag.least is None else {"min": self.flag.least}
+        bounds: dict[str, typing.Any] = {} if self.flag.least is None else {"min": self.flag.least}
         for constraint in self.info.metadata:
             if isinstance(constraint, annotated_types.Ge):
                 bounds["min"] = constraint.ge
@@ -112,11 +112,11 @@ class _Field:
             self.parameter,
             inspect.Parameter.KEYWORD_ONLY,
             default=None if self.flag.read is not None else value,
-            annotation=Annotated[self.flag.kind or self.info.annotation, option],
+            annotation=typing.Annotated[self.flag.kind or self.info.annotation, option],
         )
 
 
-def with_flags(function: abc.Callable[..., Any]) -> abc.Callable[..., Any]:
+def with_flags(function: abc.Callable[..., typing.Any]) -> abc.Callable[..., typing.Any]:
     """The function as a command: it is called with models made of the flags that were given.
 
     A parameter's default, where its annotation is an options model, holds the defaults of its flags. The
@@ -135,7 +135,7 @@ def with_flags(function: abc.Callable[..., Any]) -> abc.Callable[..., Any]:
         shown.extend(field.signature(default) for field in fields)
 
     @functools.wraps(function)
-    def command(**given: Any) -> Any:
+    def command(**given: typing.Any) -> typing.Any:
         made = {
             name: _fill(default, [(f, given.pop(f.parameter)) for f in fields])
             for name, (default, fields) in models.items()
@@ -168,10 +168,10 @@ def read_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
-def _find_options(annotation: Any) -> tuple[type[options.Options] | None, Only | None]:
+def _find_options(annotation: typing.Any) -> tuple[type[options.Options] | None, Only | None]:
     """The model, where the annotation is one, and which of its flags count."""
-    if get_origin(annotation) is Annotated:
-        kind, *extra = get_args(annotation)
+    if typing.get_origin(annotation) is typing.Annotated:
+        kind, *extra = typing.get_args(annotation)
         model, _ = _find_options(kind)
         return model, next((e for e in extra if isinstance(e, Only)), None)
     if isinstance(annotation, type) and issubclass(annotation, options.Options):
@@ -188,7 +188,7 @@ def _list_flagged(model: type[options.Options], above: tuple[str, ...] = ()) -> 
             yield from _list_flagged(info.annotation, (*above, name))
 
 
-def _fill(default: options.Options, given: list[tuple[_Field, Any]]) -> options.Options:
+def _fill(default: options.Options, given: list[tuple[_Field, typing.Any]]) -> options.Options:
     """The model with what was given in place of its defaults."""
     values = default.model_dump()
     for field, value in given:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+import typing
 from abc import abstractmethod
 from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeVar
 
 import pydantic
 
@@ -18,26 +18,26 @@ from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier, SubjectDocument
 
-Documents = abc.Mapping[str, abc.Mapping[str, Any]]
+Documents = abc.Mapping[str, abc.Mapping[str, typing.Any]]
 """Subject to its document, as JSON gave it."""
 
 Needed = abc.Mapping[str, abc.Mapping[str, str]]
 """Subject to the files that a job reads: where the name stands (a field), and the name."""
 
-Work = abc.Callable[[Any, Path, Path, Progress], Any]
+Work = abc.Callable[[typing.Any, Path, Path, Progress], typing.Any]
 """Request, folder of inputs, folder of outputs, progress -> the result, JSON-ready.
 
 The folder of inputs has one folder for each subject, with its document as ``subject.json`` and the
 uploaded files beside it. What is written to the folder of outputs becomes the job's files.
 """
 
-Chosen = TypeVar("Chosen", bound=Options)
+Chosen = typing.TypeVar("Chosen", bound=Options)
 
 
 class JobRequest(Options):
     """A request for a job. Unknown keys are errors."""
 
-    reads_every_file: ClassVar[bool] = False
+    reads_every_file: typing.ClassVar[bool] = False
     """Whether it reads all uploaded files of its subjects, and not only those that it needs."""
 
     @property
@@ -68,7 +68,7 @@ class OfOneSubject(JobRequest):
 class WithTables(JobRequest):
     """A request whose result has tables."""
 
-    tables: tuple[Literal["csv", "parquet", "bids"], ...] = pydantic.Field(
+    tables: tuple[typing.Literal["csv", "parquet", "bids"], ...] = pydantic.Field(
         default=(),
         description="Tables of the results among the files, under tables/, with units and source: csv, "
         "parquet, bids (motions under Motion-BIDS' names).",
@@ -104,7 +104,7 @@ class Parts:
     """How a job is made of others, which any runner computes at any time; its own work comes after them."""
 
     kind: str  # of the parts
-    requests: abc.Callable[[Any], abc.Sequence[JobRequest]]
+    requests: abc.Callable[[typing.Any], abc.Sequence[JobRequest]]
     """From the request to those of the parts; each concerns subjects of the whole."""
     file: str
     """Name of the file of each part that the work needs: it lies where the part wrote it, but among the
@@ -125,7 +125,7 @@ class Kind:
     brief: bool = False
     """Whether it takes seconds while somebody waits: it starts although all workers compute."""
 
-    def perform(self, request: abc.Mapping[str, Any], folder: Path, progress: Progress) -> Any:
+    def perform(self, request: abc.Mapping[str, typing.Any], folder: Path, progress: Progress) -> typing.Any:
         """Do the work in a folder with inputs and outputs; ``request``: as JSON gave it."""
         asked = self.request.model_validate_json(json.dumps(request))
         return self.work(asked, folder / "inputs", folder / "outputs", progress)

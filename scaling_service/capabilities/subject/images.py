@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field
 
 from scaling_service.bones import images, results, whole
 from scaling_service.core.notes import Note
@@ -21,7 +21,7 @@ _BONES_UNUSED = Note(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Imaged:
     """Bones and markers of one image as they were read, in its frame, m; no model is known yet.
 
@@ -29,9 +29,9 @@ class Imaged:
     label to the bone it sits on, and where.
     """
 
-    landmarks: abc.Mapping[str, results.BoneLandmarks] = field(default_factory=dict)
-    surfaces: abc.Mapping[str, images.Arrays] = field(default_factory=dict)
-    markers: abc.Mapping[str, tuple[str, body.Vector]] = field(default_factory=dict)
+    landmarks: abc.Mapping[str, results.BoneLandmarks] = dataclasses.field(default_factory=dict)
+    surfaces: abc.Mapping[str, images.Arrays] = dataclasses.field(default_factory=dict)
+    markers: abc.Mapping[str, tuple[str, body.Vector]] = dataclasses.field(default_factory=dict)
     notes: tuple[Note, ...] = ()
 
 

@@ -8,10 +8,10 @@ from typing import TypeVar
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
+from scaling_service.model import trial as trials
 from scaling_service.model.anatomy import markers
-from scaling_service.model.trial import Repair, Trial
 
-_AnyTrial = TypeVar("_AnyTrial", bound=Trial)
+_AnyTrial = TypeVar("_AnyTrial", bound=trials.Trial)
 
 SHARED = 3
 """Chosen: as many labels that stand under two prefixes fix a segment; fewer are a slip of labelling."""
@@ -29,7 +29,7 @@ def select_person(trial: _AnyTrial, marker_map: Mapping[str, str]) -> _AnyTrial:
     >>> import numpy as np
     >>> labels = [f"{name}:{label}" for name in ("Anna", "Ben") for label in ("RASI", "LASI", "RKNE")]
     >>> markers = np.ones((1, 6, 3))
-    >>> both = Trial(name="a", times=np.zeros(1), labels=tuple(labels), markers=markers, rate_hz=1.0)
+    >>> both = trials.Trial(name="a", times=np.zeros(1), labels=tuple(labels), markers=markers, rate_hz=1.0)
     >>> select_person(both, {"RASIS": "Ben:RASI"}).labels
     ('Ben:RASI', 'Ben:LASI', 'Ben:RKNE')
     """
@@ -72,5 +72,5 @@ def select_person(trial: _AnyTrial, marker_map: Mapping[str, str]) -> _AnyTrial:
         trial,
         labels=tuple(trial.labels[k] for k in kept),
         markers=trial.markers[:, kept],
-        repairs=(*trial.repairs, Repair(what="persons", where="labels", detail=detail)),
+        repairs=(*trial.repairs, trials.Repair(what="persons", where="labels", detail=detail)),
     )

@@ -7,7 +7,7 @@ import numpy as np
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model import body
-from scaling_service.model.compile import compile_constraints, compile_model
+from scaling_service.model import compile as compiling
 from scaling_service.numerics.multibody.tree import pose_markers
 
 SAME = 1e-6
@@ -77,7 +77,7 @@ def check_same(model: body.BodyModel, written: body.BodyModel) -> None:
 
 def _check_constraints(model: body.BodyModel, written: body.BodyModel, poses: Array) -> None:
     """Compare what the equations of both models miss at the poses."""
-    ours, theirs = compile_constraints(model), compile_constraints(written)
+    ours, theirs = compiling.compile_constraints(model), compiling.compile_constraints(written)
     if ours is None and theirs is None:
         return
     order = [model.coordinate_names.index(name) for name in written.coordinate_names]
@@ -101,4 +101,4 @@ def _probe_segments(model: body.BodyModel, order: body.BodyModel, poses: Array) 
         for name in order.segment_names
         for k, point in enumerate(points)
     )
-    return pose_markers(compile_model(model.with_markers(probes)), poses, np.zeros(0))
+    return pose_markers(compiling.compile_model(model.with_markers(probes)), poses, np.zeros(0))

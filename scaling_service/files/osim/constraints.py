@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -19,7 +19,7 @@ from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
 _BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))
 
-POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[tuple[str, str]]]] = {
+POINTS: abc.Mapping[str, tuple[Literal["point", "distance", "line"], abc.Sequence[tuple[str, str]]]] = {
     "PointConstraint": ("point", _BODIES),
     "ConstantDistanceConstraint": ("distance", _BODIES),
     "PointOnLineConstraint": (
@@ -38,7 +38,7 @@ class NotSubstituted(Exception):
         self.coordinate = coordinate
 
 
-def read_coupler(constraint: Any, ranges: Mapping[str, functions.Range]) -> Coupler | Constraint:
+def read_coupler(constraint: Any, ranges: abc.Mapping[str, functions.Range]) -> Coupler | Constraint:
     """A coordinate that follows one other, or an equation between several."""
     name = constraint.getName()
     coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
@@ -107,7 +107,7 @@ def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:
     return [(cast(constraint.getConnectee(socket)), place) for socket, place in ends]
 
 
-def resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:
+def resolve_coupler(dependent: str, direct: abc.Mapping[str, tuple[str, Coupler]]) -> Coupler:
     """A coordinate's coupling to one that itself follows none (NotSubstituted: there is none)."""
     coupler = direct[dependent][1]
     passed = {dependent}
@@ -121,13 +121,13 @@ def resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -
     return coupler
 
 
-def substitute_coupler(segment: Segment, follows: Mapping[str, Coupler]) -> Segment:
+def substitute_coupler(segment: Segment, follows: abc.Mapping[str, Coupler]) -> Segment:
     """The segment with its dependent coordinates replaced by what they follow."""
     joints = (replace(joint, law=substitute_all(joint.law, follows)) for joint in segment.joints)
     return replace(segment, joints=tuple(joints))
 
 
-def substitute_all(law: Law, follows: Mapping[str, Coupler]) -> Law:
+def substitute_all(law: Law, follows: abc.Mapping[str, Coupler]) -> Law:
     """The law with all its dependent coordinates replaced (NotSubstituted: one cannot be)."""
     for coordinate in sorted(law.coordinates & follows.keys()):
         law = _substitute(law, coordinate, follows[coordinate].law)
@@ -141,7 +141,7 @@ def _substitute(law: Law, coordinate: str, follows: Law) -> Law:
         raise NotSubstituted(coordinate) from error
 
 
-def list_ends(model: Any) -> list[tuple[Any, Array, Callable[[Any], None]]]:
+def list_ends(model: Any) -> list[tuple[Any, Array, abc.Callable[[Any], None]]]:
     """Ends of constraints that OpenSim does not scale: frame, place in the body, and how to write another."""
     found = []
     for constraint in list_items(model.getConstraintSet()):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections import abc
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
@@ -10,50 +10,30 @@ import numpy as np
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim import chains, functions, library
-from scaling_service.files.osim.constraints import (
-    NotSubstituted,
-    read_constraint,
-    read_coupler,
-    resolve_coupler,
-    substitute_all,
-    substitute_coupler,
-    to_equation,
-)
-from scaling_service.model.body import (
-    GROUND,
-    BodyModel,
-    Constraint,
-    Coordinate,
-    Coupler,
-    Joint,
-    Law,
-    Marker,
-    Segment,
-    to_tensor,
-    to_vector,
-)
+from scaling_service.files.osim import constraints as osim_constraints
+from scaling_service.model import body as model_body
 
 Kind = Literal["rotation", "translation"]
-Axis = tuple[Kind, Sequence[float], Law, bool]
+Axis = tuple[Kind, abc.Sequence[float], model_body.Law, bool]
 """What an axis of a joint does, its direction, its law, and whether it scales with the parent."""
 
 _REMEDY = "Remove or replace it in the model"
 
 _ROTATIONAL = 1  # of OpenSim's motion types; 2 is translational, 3 coupled
 
-_TURNS: tuple[tuple[Kind, Sequence[float]], ...] = (
+_TURNS: tuple[tuple[Kind, abc.Sequence[float]], ...] = (
     ("rotation", chains.X),
     ("rotation", chains.Y),
     ("rotation", chains.Z),
 )
 
-_SURFACE_JOINTS: Mapping[str, Callable[[Any, str | None, str | None], list[Joint]]] = {
+_SURFACE_JOINTS: abc.Mapping[str, abc.Callable[[Any, str | None, str | None], list[model_body.Joint]]] = {
     "EllipsoidJoint": chains.read_ellipsoid,
     "ScapulothoracicJoint": chains.read_scapulothoracic,
     "ConstantCurvatureJoint": chains.read_constant_curvature,
 }
 
-_FIXED_JOINTS: Mapping[str, tuple[tuple[Kind, Sequence[float]], ...]] = {
+_FIXED_JOINTS: abc.Mapping[str, tuple[tuple[Kind, abc.Sequence[float]], ...]] = {
     "WeldJoint": (),
     "PinJoint": _TURNS[2:],
     "SliderJoint": (("translation", chains.X),),
@@ -68,7 +48,7 @@ by body-fixed x, y, z angles (Simbody's Euler mode, which OpenSim always chooses
 parent's joint frame, before the rotations."""
 
 
-def read_body_model(model: Any) -> BodyModel:
+def read_body_model(model: Any) -> model_body.BodyModel:
     """Everything of a connected OpenSim model that a body model holds.
 
     Raises ModelRefused: names the joint, constraint, coordinate or frame that cannot be represented.
@@ -76,29 +56,36 @@ def read_body_model(model: Any) -> BodyModel:
     ranges = {
         c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in library.list_items(model.getCoordinateSet())
     }
-    direct: dict[str, tuple[str, Coupler]] = {}
-    constraints: list[Constraint] = []
+    direct: dict[str, tuple[str, model_body.Coupler]] = {}
+    constraints: list[model_body.Constraint] = []
     for item in library.list_items(model.getConstraintSet()):
         if item.get_isEnforced():
             coupled = item.getConcreteClassName() == "CoordinateCouplerConstraint"
-            found = read_coupler(item, ranges) if coupled else read_constraint(item)
-            if isinstance(found, Constraint):
+            found = (
+                osim_constraints.read_coupler(item, ranges)
+                if coupled
+                else osim_constraints.read_constraint(item)
+            )
+            if isinstance(found, model_body.Constraint):
                 constraints.append(found)
             elif found.dependent in direct:
-                constraints.append(to_equation(item.getName(), found.dependent, found.law))
+                constraints.append(osim_constraints.to_equation(item.getName(), found.dependent, found.law))
             else:
                 direct[found.dependent] = (item.getName(), found)
     while True:
         links = [_link(joint, ranges, direct.keys()) for joint in library.list_items(model.getJointSet())]
         segments, welds = _order_segments(model, links)
         try:
-            follows = {dependent: resolve_coupler(dependent, direct) for dependent in direct}
-            driven = tuple(substitute_coupler(segment, follows) for segment in segments)
-            bound = tuple(replace(c, law=substitute_all(c.law, follows)) for c in (*constraints, *welds))
+            follows = {dependent: osim_constraints.resolve_coupler(dependent, direct) for dependent in direct}
+            driven = tuple(osim_constraints.substitute_coupler(segment, follows) for segment in segments)
+            bound = tuple(
+                replace(c, law=osim_constraints.substitute_all(c.law, follows))
+                for c in (*constraints, *welds)
+            )
             break
-        except NotSubstituted as error:  # the coordinate stays, and an equation holds it
+        except osim_constraints.NotSubstituted as error:  # the coordinate stays, and an equation holds it
             name, coupler = direct.pop(error.coordinate)
-            constraints.append(to_equation(name, coupler.dependent, coupler.law))
+            constraints.append(osim_constraints.to_equation(name, coupler.dependent, coupler.law))
     coordinates = [
         _read_coordinate(c) for c in library.list_items(model.getCoordinateSet()) if c.getName() not in direct
     ]
@@ -113,14 +100,14 @@ def read_body_model(model: Any) -> BodyModel:
         in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
         body = frame.findBaseFrame().getName()
         markers.append(
-            Marker.at(
+            model_body.Marker.at(
                 marker.getName(),
                 body,
-                to_vector(library.list_numbers(in_body)),
+                model_body.to_vector(library.list_numbers(in_body)),
                 anatomical=marker.get_fixed(),
             )
         )
-    return BodyModel(
+    return model_body.BodyModel(
         name=model.getName(),
         segments=driven,
         coordinates=tuple(coordinates),
@@ -131,7 +118,7 @@ def read_body_model(model: Any) -> BodyModel:
     )
 
 
-def _list_notes(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
+def _list_notes(model: Any, followed: abc.Sequence[model_body.Constraint]) -> abc.Iterator[str]:
     """What of a model is taken otherwise than it stands in the file."""
     moved = [
         c.getName()
@@ -150,12 +137,12 @@ def _list_notes(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
         yield f"motions obey the model's constraints ({names}); joint moments leave out their forces"
 
 
-def _read_coordinate(coordinate: Any) -> Coordinate:
+def _read_coordinate(coordinate: Any) -> model_body.Coordinate:
     default, locked = coordinate.getDefaultValue(), coordinate.getDefaultLocked()
     prescribed = _find_prescribed(coordinate)
     if prescribed is not None:
         default, locked = prescribed, True
-    return Coordinate(
+    return model_body.Coordinate(
         name=coordinate.getName(),
         kind="rotation" if int(coordinate.getMotionType()) == _ROTATIONAL else "translation",
         default=default,
@@ -180,17 +167,19 @@ class _Link(NamedTuple):
     name: str
     parent: str
     child: str
-    chain: tuple[Joint, ...]
+    chain: tuple[model_body.Joint, ...]
 
 
-def _link(joint: Any, ranges: Mapping[str, functions.Range], dependent: Set[str]) -> _Link:
+def _link(joint: Any, ranges: abc.Mapping[str, functions.Range], dependent: abc.Set[str]) -> _Link:
     """The moves between a joint's two frames, and between these and the bodies."""
     name = joint.getName()
     parent, outwards = chains.read_frame(joint.getParentFrame(), name)
     child, onwards = chains.read_frame(joint.getChildFrame(), name)
     kind = joint.getConcreteClassName()
     if kind in _SURFACE_JOINTS:
-        moves = _SURFACE_JOINTS[kind](joint, *(None if body == GROUND else body for body in (parent, child)))
+        moves = _SURFACE_JOINTS[kind](
+            joint, *(None if body == model_body.GROUND else body for body in (parent, child))
+        )
         return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
     if kind == "CustomJoint":
         transform = library.import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
@@ -206,7 +195,7 @@ def _link(joint: Any, ranges: Mapping[str, functions.Range], dependent: Set[str]
             )
     elif kind in _FIXED_JOINTS:
         axes = [
-            (what, axis, Law.of(joint.get_coordinates(k).getName()), False)
+            (what, axis, model_body.Law.of(joint.get_coordinates(k).getName()), False)
             for k, (what, axis) in enumerate(_FIXED_JOINTS[kind])
         ]
     else:
@@ -219,8 +208,12 @@ def _link(joint: Any, ranges: Mapping[str, functions.Range], dependent: Set[str]
             direction = np.array(along, dtype=float)
             # OpenSim scales the coupling of a dependent translation, and so the translation itself.
             scaled = scales or any(term.coordinate in dependent for term in law.terms)
-            follows = parent if what == "translation" and scaled and parent != GROUND else None
-            moves.append(Joint(what, to_vector(direction / np.linalg.norm(direction)), law, follows))
+            follows = parent if what == "translation" and scaled and parent != model_body.GROUND else None
+            moves.append(
+                model_body.Joint(
+                    what, model_body.to_vector(direction / np.linalg.norm(direction)), law, follows
+                )
+            )
     moves.sort(key=lambda move: move.kind == "rotation")
     return _Link(name, parent, child, (*outwards, *moves, *chains.invert_chain(onwards)))
 
@@ -236,15 +229,17 @@ def name_copy(body: str, joint: str) -> str:
     return f"{body}_of_{joint}"
 
 
-def _order_segments(model: Any, links: Sequence[_Link]) -> tuple[list[Segment], list[Constraint]]:
+def _order_segments(
+    model: Any, links: abc.Sequence[_Link]
+) -> tuple[list[model_body.Segment], list[model_body.Constraint]]:
     """Segments in topological order: each joint is taken once the body on one side is reached.
 
     A joint that closes a loop carries a massless copy of its body, welded to it, as OpenSim does it.
     """
     bodies = {body.getName(): body for body in library.list_items(model.getBodySet())}
-    waiting, reached = list(links), {GROUND}
-    segments: list[Segment] = []
-    welds: list[Constraint] = []
+    waiting, reached = list(links), {model_body.GROUND}
+    segments: list[model_body.Segment] = []
+    welds: list[model_body.Constraint] = []
     while waiting:
         link = next((each for each in waiting if {each.parent, each.child} & reached), None)
         if link is None:
@@ -255,18 +250,18 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> tuple[list[Segment], 
             parent, child, chain = child, parent, chains.invert_chain(chain)
         if child in reached:
             copy = name_copy(child, link.name)
-            ends = tuple(Marker.at(link.name, name, (0.0, 0.0, 0.0)) for name in (copy, child))
-            welds.append(Constraint(name=link.name, kind="weld", ends=ends))
-            segments.append(Segment(name=copy, parent=parent, joint_name=link.name, joints=chain))
+            ends = tuple(model_body.Marker.at(link.name, name, (0.0, 0.0, 0.0)) for name in (copy, child))
+            welds.append(model_body.Constraint(name=link.name, kind="weld", ends=ends))
+            segments.append(model_body.Segment(name=copy, parent=parent, joint_name=link.name, joints=chain))
             continue
         reached.add(child)
         body = bodies[child]
         com, inertia = (
-            to_vector(library.list_numbers(body.get_mass_center())),
-            to_tensor(library.list_numbers(body.get_inertia())),
+            model_body.to_vector(library.list_numbers(body.get_mass_center())),
+            model_body.to_tensor(library.list_numbers(body.get_inertia())),
         )
         segments.append(
-            Segment(
+            model_body.Segment(
                 name=child,
                 parent=parent,
                 joint_name=link.name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from itertools import pairwise, product
 from typing import Any
 
@@ -17,7 +17,7 @@ from scaling_service.model.compile import evaluate_shape
 
 Range = tuple[float, float]
 
-_SPLINE_DEGREE: Mapping[str, Callable[[Any], int]] = {
+_SPLINE_DEGREE: abc.Mapping[str, abc.Callable[[Any], int]] = {
     "SimmSpline": lambda _: 3,
     "PiecewiseLinearFunction": lambda _: 1,
     "GCVSpline": lambda function: int(function.getDegree()),
@@ -34,7 +34,7 @@ _PIECES, _PIECE_DEGREE = 128, 9  # chosen: sines of up to ten turns a turn are m
 
 
 def read_law(
-    function: Any, coordinates: Sequence[str], ranges: Mapping[str, Range], component: str
+    function: Any, coordinates: abc.Sequence[str], ranges: abc.Mapping[str, Range], component: str
 ) -> body.Law:
     """A function of coordinates (none where the component names none) as a law.
 
@@ -115,7 +115,7 @@ def read_number(thing: Any, name: str) -> float:
     return float(import_opensim().PropertyHelper.getValueDouble(thing.getPropertyByName(name)))
 
 
-def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequence[int]) -> body.Law:
+def _multiply_powers(gain: float, coordinates: abc.Sequence[str], exponents: abc.Sequence[int]) -> body.Law:
     used = {c: e for c, e in zip(coordinates, exponents, strict=True) if e}
     if not used:
         return body.Law.constant(gain)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -11,10 +11,10 @@ import numpy as np
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model import body
-from scaling_service.model.compile import evaluate_law, evaluate_shape
+from scaling_service.model import compile as compiling
 from scaling_service.numerics.multibody.rigid import rotate_about
 
-Function = Callable[[float], float]
+Function = abc.Callable[[float], float]
 
 EXACT = 1e-9
 """How far a fit may miss the function, relative to its size (chosen: far above rounding, far below 1 µm)."""
@@ -36,7 +36,7 @@ class NotPolynomial(ValueError):
 
 
 def fit_piecewise(
-    function: Function, breaks: Sequence[float], degree: int, *, follow_ends: bool = True
+    function: Function, breaks: abc.Sequence[float], degree: int, *, follow_ends: bool = True
 ) -> body.Shape:
     """The piecewise polynomial that equals a function between breaks, and beyond them.
 
@@ -60,7 +60,7 @@ def fit_piecewise(
     return shape
 
 
-def _fit(function: Function, breaks: Sequence[float], degree: int) -> body.Shape:
+def _fit(function: Function, breaks: abc.Sequence[float], degree: int) -> body.Shape:
     # Chebyshev points keep the small linear system well conditioned.
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree) if degree else np.array([0.5])
     powers = np.vander(nodes, degree + 1)
@@ -73,15 +73,15 @@ def _fit(function: Function, breaks: Sequence[float], degree: int) -> body.Shape
     return body.Shape(tuple(float(b) for b in breaks), tuple(pieces))
 
 
-def _is_equal(shape: body.Shape, function: Function, points: Sequence[float]) -> bool:
+def _is_equal(shape: body.Shape, function: Function, points: abc.Sequence[float]) -> bool:
     wanted = np.array([function(float(x)) for x in points])
     size = max(1e-3, float(np.abs(wanted).max()))
-    return bool(np.abs(evaluate_shape(shape, points) - wanted).max() <= EXACT * size)
+    return bool(np.abs(compiling.evaluate_shape(shape, points) - wanted).max() <= EXACT * size)
 
 
 def evaluate_at(law: body.Law, x: float) -> float:
     """Value of a law of one coordinate and no parameter at one coordinate value."""
-    return float(evaluate_law(law, dict.fromkeys(law.coordinates, x)))
+    return float(compiling.evaluate_law(law, dict.fromkeys(law.coordinates, x)))
 
 
 def list_breaks(law: body.Law) -> list[float]:
@@ -132,7 +132,7 @@ def _compose_laws(outer: body.Shape, inner: body.Law) -> body.Law:
     names = inner.coordinates
     if not names:
         at = np.array(inner.constant_part)
-        return body.Law.constant(float(evaluate_shape(outer, at)))
+        return body.Law.constant(float(compiling.evaluate_shape(outer, at)))
     (name,) = names
     if inner == body.Law.of(name):
         return body.Law((body.Term(1.0, coordinate=name, shape=outer),))
@@ -141,7 +141,7 @@ def _compose_laws(outer: body.Shape, inner: body.Law) -> body.Law:
     if degree > MAX_DEGREE:
         raise NotPolynomial(f"the composition has degree {degree}, above {MAX_DEGREE}")
     shape = fit_piecewise(
-        lambda x: float(evaluate_shape(outer, evaluate_at(inner, x))),
+        lambda x: float(compiling.evaluate_shape(outer, evaluate_at(inner, x))),
         _find_crossings(outer, inner),
         degree,
         follow_ends=False,
@@ -317,7 +317,7 @@ def _append(axes: list[tuple[Array, body.Law]], axis: Array, law: body.Law, *, o
 
 
 def _list_three_axes(
-    segment: body.Segment, chosen: Sequence[tuple[Array, body.Law]], what: str
+    segment: body.Segment, chosen: abc.Sequence[tuple[Array, body.Law]], what: str
 ) -> list[Axis]:
     if len(chosen) > 3:
         raise _refuse_joint(segment, f"has {len(chosen)} moving {what}s")
@@ -345,7 +345,7 @@ def _list_three_axes(
     return driven + [Axis(direction) for direction in _complete_directions(directions)]
 
 
-def _complete_directions(axes: Sequence[Array]) -> list[Array]:
+def _complete_directions(axes: abc.Sequence[Array]) -> list[Array]:
     """Directions for the unused axes, well away from the used ones."""
     if not axes:
         return list(np.eye(3))

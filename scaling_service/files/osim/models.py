@@ -7,6 +7,7 @@ OpenSim keeps in mind, ends with the request.
 from __future__ import annotations
 
 import atexit
+import dataclasses
 import json
 import os
 import re
@@ -17,16 +18,14 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Mapping, Sequence
+from collections import abc
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from scaling_service.core import errors
-from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.osim.setups import parse_xml
 from scaling_service.model import body, document
 from scaling_service.model.results import JointMove
@@ -35,7 +34,7 @@ TIME_LIMIT_S = 120.0
 """Chosen: loading the largest public models takes about one second, also on a busy machine some ten."""
 
 _WORKER = "scaling_service.files.osim.worker"
-_KINDS: Mapping[str, type[InputError]] = {
+_KINDS: abc.Mapping[str, type[errors.InputError]] = {
     kind.__name__: kind
     for kind in (errors.DependencyMissing, errors.FileUnreadable, errors.ModelRefused, errors.InputError)
 }
@@ -43,9 +42,9 @@ _KINDS: Mapping[str, type[InputError]] = {
 
 _GRAVITY = re.compile(rb"<gravity>\s*([^<]*?)\s*</gravity>")
 
-_NO_FACTORS: Mapping[str, body.Vector] = MappingProxyType({})
-_NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
-_NO_MOVES: Mapping[str, JointMove] = MappingProxyType({})
+_NO_FACTORS: abc.Mapping[str, body.Vector] = MappingProxyType({})
+_NO_TILTS: abc.Mapping[str, tuple[float, float]] = MappingProxyType({})
+_NO_MOVES: abc.Mapping[str, JointMove] = MappingProxyType({})
 
 
 def read_vertical(path: Path) -> int:
@@ -58,7 +57,7 @@ def read_vertical(path: Path) -> int:
     return parts.index(max(parts)) if len(parts) == 3 and max(parts) > 0.0 else 1
 
 
-def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> dict[str, Any]:
+def ask(request: abc.Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> dict[str, Any]:
     """Send one request to a worker and return its answer.
 
     ``request``: JSON-ready; ``file`` names the file that an unexplained failure is blamed on. Raises
@@ -74,15 +73,15 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
         if time.monotonic() - began >= time_limit_s:
             said, why = f"gave no answer within {time_limit_s:g} s", "where it hangs"
         remedy = f"Open the file in OpenSim itself to see {why}"
-        raise FileUnreadable(f"OpenSim {said}", file=request.get("file"), remedy=remedy)
+        raise errors.FileUnreadable(f"OpenSim {said}", file=request.get("file"), remedy=remedy)
     answer: dict[str, Any] = reply["answer"]
     if "error" in answer:
         raise _make_error(answer["error"], request)
     return answer
 
 
-def _make_error(problem: Mapping[str, Any], request: Mapping[str, Any]) -> InputError:
-    return _KINDS.get(problem["kind"], InputError)(
+def _make_error(problem: abc.Mapping[str, Any], request: abc.Mapping[str, Any]) -> errors.InputError:
+    return _KINDS.get(problem["kind"], errors.InputError)(
         problem["problem"],
         file=problem["file"] or request.get("file"),
         field=problem["field"],
@@ -90,7 +89,7 @@ def _make_error(problem: Mapping[str, Any], request: Mapping[str, Any]) -> Input
     )
 
 
-@dataclass(slots=True, eq=False)
+@dataclasses.dataclass(slots=True, eq=False)
 class _Worker:
     """A process that carries out one request after another; it starts with the first, and anew if it died.
 
@@ -99,9 +98,9 @@ class _Worker:
 
     owner: int
     process: subprocess.Popen[str] | None = None
-    turn: threading.Lock = field(default_factory=threading.Lock)
+    turn: threading.Lock = dataclasses.field(default_factory=threading.Lock)
 
-    def carry_out(self, request: Mapping[str, Any], scratch: str, time_limit_s: float) -> dict[str, Any]:
+    def carry_out(self, request: abc.Mapping[str, Any], scratch: str, time_limit_s: float) -> dict[str, Any]:
         """The ``answer`` to a request that is carried out in a folder, or how it ``ended`` without one."""
         with self.turn:
             if self.process is None or self.process.poll() is not None:
@@ -195,7 +194,7 @@ def _read_version(path: Path) -> _Version:
     try:
         status = path.stat()
     except OSError as error:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             f"cannot be opened ({error.strerror})", file=path, remedy="Check the path"
         ) from error
     return _Version(path, status.st_mtime_ns, status.st_size)
@@ -210,7 +209,7 @@ def _read(model: _Version, marker_set: _Version | None) -> body.BodyModel:
     }
     try:
         found = document.from_document(ask(request)["model"], file=model.path)
-    except FileUnreadable:
+    except errors.FileUnreadable:
         # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
         root = parse_xml(model.path)
         if root.tag != "Model" and root.find("Model") is None:
@@ -220,11 +219,11 @@ def _read(model: _Version, marker_set: _Version | None) -> body.BodyModel:
         raise
     if not found.segments:
         raise _report_no_model(model.path)
-    return replace(found, source=str(model.path))
+    return dataclasses.replace(found, source=str(model.path))
 
 
-def _report_no_model(path: Path) -> FileUnreadable:
-    return FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
+def _report_no_model(path: Path) -> errors.FileUnreadable:
+    return errors.FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
 
 
 def render_osim(model: body.BodyModel, **how: Any) -> str:
@@ -238,7 +237,7 @@ def render_osim(model: body.BodyModel, **how: Any) -> str:
     return text
 
 
-def render_several(requests: Sequence[Mapping[str, Any]]) -> list[str | InputError]:
+def render_several(requests: abc.Sequence[abc.Mapping[str, Any]]) -> list[str | errors.InputError]:
     """What :func:`render_osim` returns or raises for each of several models, by one worker.
 
     ``requests``: from :func:`request_osim`, one or more. Loading OpenSim takes ten times as long as writing a
@@ -256,9 +255,9 @@ def request_osim(
     model: body.BodyModel,
     *,
     source: Path | None = None,
-    factors: Mapping[str, body.Vector] = _NO_FACTORS,
-    axis_tilts: Mapping[str, tuple[float, float]] = _NO_TILTS,
-    joint_moves: Mapping[str, JointMove] = _NO_MOVES,
+    factors: abc.Mapping[str, body.Vector] = _NO_FACTORS,
+    axis_tilts: abc.Mapping[str, tuple[float, float]] = _NO_TILTS,
+    joint_moves: abc.Mapping[str, JointMove] = _NO_MOVES,
     mass_kg: float | None = None,
     marker_set: Path | None = None,
     preserve_mass_distribution: bool = True,
@@ -290,7 +289,7 @@ def request_osim(
         "marker_set": str(marker_set.resolve()) if marker_set is not None else None,
         "factors": dict(factors),
         "axis_tilts": dict(axis_tilts),
-        "joint_moves": {joint: asdict(move) for joint, move in joint_moves.items()},
+        "joint_moves": {joint: dataclasses.asdict(move) for joint, move in joint_moves.items()},
         "mass_kg": mass_kg,
         "preserve_mass_distribution": preserve_mass_distribution,
         "inertia_from_model": inertia_from_model,
@@ -317,7 +316,7 @@ def replace_text(path: Path, text: str) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(
+        raise errors.InputError(
             f"cannot be written ({error.strerror})",
             file=path,
             remedy="Choose a folder that can be written to",

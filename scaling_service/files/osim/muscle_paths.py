@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from scaling_service.files.osim.library import import_opensim, list_items, list_
 
 _NO_ARM = 1e-9  # m; chosen: a moment arm below is rounding
 
-_LENGTHS: Mapping[str, tuple[str, ...]] = {
+_LENGTHS: abc.Mapping[str, tuple[str, ...]] = {
     "WrapSphere": ("radius",),
     "WrapCylinder": ("radius", "length"),
     "WrapTorus": ("inner_radius", "outer_radius"),
@@ -23,7 +23,7 @@ _LENGTHS: Mapping[str, tuple[str, ...]] = {
 """Kinds of wraps, and their properties that are lengths."""
 
 
-def measure(request: Mapping[str, Any]) -> dict[str, Any]:
+def measure(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """Lengths and moment arms of all muscles in every frame; see ``muscles.measure_muscles``."""
     file = Path("posed.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
@@ -66,7 +66,7 @@ def find_path(muscle: Any) -> Any:
 class Posed:
     """A model that takes one pose after the other: ``q`` holds each coordinate's values, rad or m."""
 
-    def __init__(self, osim: Any, q: Mapping[str, Sequence[float]]) -> None:
+    def __init__(self, osim: Any, q: abc.Mapping[str, abc.Sequence[float]]) -> None:
         for coordinate in list_items(osim.updCoordinateSet()):  # a pose is taken as it is
             coordinate.setDefaultClamped(False)
             coordinate.setDefaultLocked(False)
@@ -103,7 +103,7 @@ class Posed:
         return forces
 
 
-def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
+def list_points(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """Path points that are fixed in a body, and the surfaces of all bodies; see ``attachments``."""
     osim = _load_model(request)
     points = [
@@ -129,7 +129,7 @@ def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"points": points, "meshes": meshes, "wraps": wraps}
 
 
-def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
+def move_points(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """The text of a model with path points and wraps elsewhere; fibres and tendons grow as the paths do.
 
     As OpenSim's scaling has it: by the ratio of the whole path's lengths in the default pose. A muscle whose
@@ -163,7 +163,7 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"text": Path("moved.osim").read_text(encoding="utf-8"), "astray": sorted(astray)}
 
 
-def set_lengths(request: Mapping[str, Any]) -> dict[str, Any]:
+def set_lengths(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """The text of a model with other fibres and tendons; see ``muscles.set_parameters``."""
     osim = _load_model(request)
     for name, (fibre, slack) in request["lengths"].items():
@@ -175,7 +175,7 @@ def set_lengths(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"text": Path("lengths.osim").read_text(encoding="utf-8")}
 
 
-def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
+def _set_points(osim: Any, points: abc.Iterable[abc.Sequence[Any]]) -> None:
     """Put points of paths at their places in their bodies, m."""
     moved = {(muscle, number): np.array(at) for muscle, number, at in points}
     for muscle, number, point in _list_fixed_points(osim):
@@ -185,13 +185,13 @@ def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
             point.set_location(import_opensim().Vec3(*(rotation.T @ (at - origin))))
 
 
-def _load_model(request: Mapping[str, Any]) -> Any:
+def _load_model(request: abc.Mapping[str, Any]) -> Any:
     file = Path("points.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
     return load(file)
 
 
-def _list_fixed_points(osim: Any) -> Iterator[tuple[Any, int, Any]]:
+def _list_fixed_points(osim: Any) -> abc.Iterator[tuple[Any, int, Any]]:
     for muscle in list_items(osim.getMuscles()):
         for number, point in enumerate(list_items(find_path(muscle).updPathPointSet())):
             fixed = import_opensim().PathPoint.safeDownCast(point)

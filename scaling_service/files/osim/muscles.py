@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +13,9 @@ from scaling_service.core.arrays import Array
 from scaling_service.files.mesh import Mesh, read_mesh
 from scaling_service.files.osim import models
 from scaling_service.model import body
+from scaling_service.model import muscles as model_muscles
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.document import from_document
-from scaling_service.model.muscles import Contact, Muscle, Musculature, PathPoint, WrapSurface
 from scaling_service.model.trial import Bone
 
 _FRAME_S = 0.1  # chosen: of time allowed for each frame; 80 muscles take 4 ms on a quiet machine
@@ -31,7 +31,7 @@ class MuscleGeometry:
 
     muscles: tuple[str, ...]
     lengths: Array  # (n_frames, n_muscles), m: of muscle and tendon together
-    arms: Mapping[tuple[str, str], Array]
+    arms: abc.Mapping[tuple[str, str], Array]
     """Muscle and coordinate to the moment arm, (n_frames,), m; pairs that are always zero are left out."""
 
 
@@ -69,7 +69,7 @@ def measure_muscles(osim: str, model: body.BodyModel, q: Array) -> MuscleGeometr
     return MuscleGeometry(muscles, lengths, arms)
 
 
-def read_musculature(osim: str, model: body.BodyModel, q: Array) -> Musculature:
+def read_musculature(osim: str, model: body.BodyModel, q: Array) -> model_muscles.Musculature:
     """The muscles of a model, and what surfaces they touch in some poses.
 
     ``osim``: text of the ``.osim`` file. ``model``: what it holds.
@@ -87,17 +87,19 @@ def read_musculature(osim: str, model: body.BodyModel, q: Array) -> Musculature:
     moving, names = from_document(answer["model"]), set(answer["movers"])
     muscles = []
     for each in answer["muscles"]:
-        points = tuple(PathPoint(**point | {"at": body.to_vector(point["at"])}) for point in each["points"])
+        points = tuple(
+            model_muscles.PathPoint(**point | {"at": body.to_vector(point["at"])}) for point in each["points"]
+        )
         tuples = {name: tuple(each[name]) for name in ("surfaces", "passive")}
-        muscles.append(Muscle(**{**each, **tuples, "points": points}))
+        muscles.append(model_muscles.Muscle(**{**each, **tuples, "points": points}))
     surfaces = []
     for each in answer["surfaces"]:
         x, y, z = map(body.to_vector, each["axes"])
         side = None if each["side"] is None else body.to_vector(each["side"])
         own = {"origin": body.to_vector(each["origin"]), "axes": (x, y, z), "sizes": tuple(each["sizes"])}
-        surfaces.append(WrapSurface(**{**each, **own, "side": side}))
+        surfaces.append(model_muscles.WrapSurface(**{**each, **own, "side": side}))
     places = ("first", "middle", "last")
-    return Musculature(
+    return model_muscles.Musculature(
         muscles=tuple(muscles),
         surfaces=tuple(surfaces),
         movers=tuple(segment for segment in moving.segments if segment.name in names),
@@ -105,7 +107,7 @@ def read_musculature(osim: str, model: body.BodyModel, q: Array) -> Musculature:
         contacts=tuple(
             tuple(
                 tuple(
-                    Contact(
+                    model_muscles.Contact(
                         surface=surface,
                         after=after,
                         **dict(zip(places, map(body.to_vector, at), strict=True)),
@@ -119,7 +121,7 @@ def read_musculature(osim: str, model: body.BodyModel, q: Array) -> Musculature:
     )
 
 
-def _list_values(model: body.BodyModel, columns: Mapping[str, Array]) -> dict[str, list[float]]:
+def _list_values(model: body.BodyModel, columns: abc.Mapping[str, Array]) -> dict[str, list[float]]:
     """Values of all coordinates, those that follow others included."""
     followed = {c.dependent: evaluate_law_at(c.law, columns[c.independent]) for c in model.couplers}
     return {name: np.asarray(values).tolist() for name, values in {**columns, **followed}.items()}
@@ -156,12 +158,12 @@ class Wrap:
 class Surfaces:
     """What a model's file says of its bones' surfaces."""
 
-    bones: Mapping[str, Bone]  # segment to its surfaces, as scaled, in the segment's frame, m
-    absent: Mapping[str, tuple[str, ...]]  # segment to names of files that are not there
+    bones: abc.Mapping[str, Bone]  # segment to its surfaces, as scaled, in the segment's frame, m
+    absent: abc.Mapping[str, tuple[str, ...]]  # segment to names of files that are not there
 
 
 def read_attachments(
-    osim: str, source: Path, segments: Collection[str]
+    osim: str, source: Path, segments: abc.Collection[str]
 ) -> tuple[tuple[Attachment, ...], tuple[Wrap, ...], Surfaces]:
     """Fixed path points and wraps on some segments, and these bones' surfaces as far as there are files.
 
@@ -202,7 +204,7 @@ def read_attachments(
 
 
 def move_attachments(
-    osim: str, source: Path, moved: Sequence[Attachment], wraps: Sequence[Wrap]
+    osim: str, source: Path, moved: abc.Sequence[Attachment], wraps: abc.Sequence[Wrap]
 ) -> tuple[str, tuple[str, ...]]:
     """The text of a model with attachments and wraps elsewhere; fibres and tendons grow as the paths do.
 
@@ -222,7 +224,7 @@ def move_attachments(
     return answer["text"], tuple(answer["astray"])
 
 
-def set_parameters(osim: str, model: body.BodyModel, lengths: Mapping[str, Sequence[float]]) -> str:
+def set_parameters(osim: str, model: body.BodyModel, lengths: abc.Mapping[str, abc.Sequence[float]]) -> str:
     """The text of a model with other optimal fibre and tendon slack lengths, m, of some muscles.
 
     Raises as :func:`read_attachments`.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,11 @@ from scaling_service.files.osim import chains, functions, muscle_paths
 from scaling_service.files.osim.constraints import substitute_all
 from scaling_service.files.osim.from_opensim import read_body_model
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
-from scaling_service.model.body import BodyModel, Joint, Segment, Vector, to_vector
+from scaling_service.model import body as bodies
+from scaling_service.model import muscles as model_muscles
 from scaling_service.model.document import to_document
-from scaling_service.model.muscles import Muscle, PathPoint, SurfaceKind, WrapSurface, name_point
 
-_SURFACES: Mapping[str, tuple[SurfaceKind, tuple[str, ...]]] = {
+_SURFACES: abc.Mapping[str, tuple[model_muscles.SurfaceKind, tuple[str, ...]]] = {
     "WrapCylinder": ("cylinder", ("radius", "length")),
     "WrapSphere": ("sphere", ("radius",)),
     "WrapTorus": ("torus", ("inner_radius", "outer_radius")),
@@ -37,7 +37,7 @@ _SPEED = 10.0  # optimal fibre lengths per second, OpenSim 4.6's default
 _STEPS = 25  # of the passive fibre's curve; chosen: it is smooth
 
 
-def describe(request: Mapping[str, Any]) -> dict[str, Any]:
+def describe(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """Muscles of a model and the surfaces they touch; see ``muscles.read_musculature``."""
     file = Path("described.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
@@ -67,7 +67,7 @@ def describe(request: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _list_movers(osim: Any, muscles: list[Any], model: BodyModel) -> Iterator[Segment]:
+def _list_movers(osim: Any, muscles: list[Any], model: bodies.BodyModel) -> abc.Iterator[bodies.Segment]:
     """A segment without mass for each path point that moves in its segment."""
     ranges = {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in list_items(osim.getCoordinateSet())}
     follows = {c.dependent: c for c in model.couplers}
@@ -90,12 +90,12 @@ def _list_movers(osim: Any, muscles: list[Any], model: BodyModel) -> Iterator[Se
                     functions.read_law(function, coordinates, ranges, moving.getName()), follows
                 )
                 if law.terms:
-                    joints.append(Joint("translation", to_vector(axis), law))
-            parent, name = moving.getParentFrame().getName(), name_point(muscle.getName(), k)
-            yield Segment(name=name, parent=parent, joint_name=name, joints=tuple(joints))
+                    joints.append(bodies.Joint("translation", bodies.to_vector(axis), law))
+            parent, name = moving.getParentFrame().getName(), model_muscles.name_point(muscle.getName(), k)
+            yield bodies.Segment(name=name, parent=parent, joint_name=name, joints=tuple(joints))
 
 
-def _read_surface(wrap: Any, segment: str) -> WrapSurface:
+def _read_surface(wrap: Any, segment: str) -> model_muscles.WrapSurface:
     name, kind = wrap.getName(), wrap.getConcreteClassName()
     if kind not in _SURFACES:
         raise ModelRefused(
@@ -106,30 +106,30 @@ def _read_surface(wrap: Any, segment: str) -> WrapSurface:
     found = [getattr(own, f"get_{each}")() for each in names]
     sizes = list_numbers(found[0]) if shape == "ellipsoid" else found
     turn = wrap.getTransform().R()
-    axes = [to_vector([turn.get(i, j) for j in range(3)]) for i in range(3)]
+    axes = [bodies.to_vector([turn.get(i, j) for j in range(3)]) for i in range(3)]
     side = _SIDES.get(wrap.get_quadrant().lower())
-    return WrapSurface(
+    return model_muscles.WrapSurface(
         name=name,
         kind=shape,
         segment=segment,
-        origin=to_vector(list_numbers(wrap.get_translation())),
+        origin=bodies.to_vector(list_numbers(wrap.get_translation())),
         axes=(axes[0], axes[1], axes[2]),
         sizes=tuple(float(size) for size in sizes),
-        side=None if side is None else to_vector(side),
+        side=None if side is None else bodies.to_vector(side),
     )
 
 
-def _read_muscle(muscle: Any, path: Any) -> Muscle:
+def _read_muscle(muscle: Any, path: Any) -> model_muscles.Muscle:
     wraps = list_items(path.getWrapSet())
 
     def read(name: str, default: float) -> float:
         return functions.read_number(muscle, name) if muscle.hasProperty(name) else default
 
     strain, passive = _read_passive(muscle)
-    return Muscle(
+    return model_muscles.Muscle(
         name=muscle.getName(),
         points=tuple(
-            _read_point(point, name_point(muscle.getName(), k))
+            _read_point(point, model_muscles.name_point(muscle.getName(), k))
             for k, point in enumerate(list_items(path.getPathPointSet()))
         ),
         surfaces=tuple(wrap.getWrapObjectName() for wrap in wraps),
@@ -160,43 +160,45 @@ def _read_passive(muscle: Any) -> tuple[float, tuple[float, ...]]:
     return strain, tuple(curve.calcValue(1.0 + x) for x in np.linspace(0.0, strain, _STEPS).tolist())
 
 
-def _read_point(point: Any, name: str) -> PathPoint:
+def _read_point(point: Any, name: str) -> model_muscles.PathPoint:
     library = import_opensim()
     if library.MovingPathPoint.safeDownCast(point) is not None:
-        return PathPoint(name=name, segment=name, at=(0.0, 0.0, 0.0))
+        return model_muscles.PathPoint(name=name, segment=name, at=(0.0, 0.0, 0.0))
     place = library.PathPoint.safeDownCast(point).get_location()
     segment, at = muscle_paths.place_in_body(point.getParentFrame(), place)
     conditional = library.ConditionalPathPoint.safeDownCast(point)
     if conditional is None:
-        return PathPoint(name=name, segment=segment, at=to_vector(at))
-    return PathPoint(
+        return model_muscles.PathPoint(name=name, segment=segment, at=bodies.to_vector(at))
+    return model_muscles.PathPoint(
         name=name,
         segment=segment,
-        at=to_vector(at),
+        at=bodies.to_vector(at),
         coordinate=conditional.getCoordinate().getName(),
         lower=conditional.get_range(0),
         upper=conditional.get_range(1),
     )
 
 
-def _list_contacts(path: Any, state: Any) -> Iterator[tuple[str, int, Vector, Vector, Vector]]:
+def _list_contacts(
+    path: Any, state: Any
+) -> abc.Iterator[tuple[str, int, bodies.Vector, bodies.Vector, bodies.Vector]]:
     """Surface, number of the path point before it, and first, middle and last touch of each contact."""
     library = import_opensim()
     names = {point.getName(): k for k, point in enumerate(list_items(path.getPathPointSet()))}
     current, number = path.getCurrentPath(state), 0
-    entered: Vector | None = None
+    entered: bodies.Vector | None = None
     for k in range(current.getSize()):
         point = current.get(k)
         touch = library.PathWrapPoint.safeDownCast(point)
         if touch is None:
             number = names[point.getName()]
             continue
-        at = to_vector(list_numbers(point.getLocation(state)))
+        at = bodies.to_vector(list_numbers(point.getLocation(state)))
         if entered is None:
             entered = at
             continue
         along = touch.getWrapPath(state)
         half = along.size() // 2
-        middle = to_vector(list_numbers(along.get(half))) if along.size() else at
+        middle = bodies.to_vector(list_numbers(along.get(half))) if along.size() else at
         yield touch.getWrapObject().getName(), number, entered, middle, at
         entered = None

@@ -13,10 +13,10 @@ import numpy as np
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.files.osim import checks, from_opensim
+from scaling_service.files.osim import joints as osim_joints
 from scaling_service.files.osim.constraints import list_ends
 from scaling_service.files.osim.digits import restore_digits
 from scaling_service.files.osim.functions import make_function
-from scaling_service.files.osim.joints import CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import (
     import_opensim,
     list_items,
@@ -25,7 +25,7 @@ from scaling_service.files.osim.library import (
     put_back,
     shorten_message,
 )
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
+from scaling_service.model import body as bodies
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
@@ -33,7 +33,7 @@ _WRITTEN = "written.osim"  # in the worker's own scratch directory
 _PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint"})
 
 
-def write(model: BodyModel, request: Mapping[str, Any]) -> str:
+def write(model: bodies.BodyModel, request: Mapping[str, Any]) -> str:
     """The text of an ``.osim`` file; see ``models.write_osim`` for what is asked and refused."""
     checks.check_writable(model)
     osim = _amend_model(model, request) if request["file"] is not None else _build_model(model)
@@ -62,7 +62,7 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     library = import_opensim()
     osim.updMarkerSet().clearAndDestroy()
     for own in model.markers:
-        if own.segment != GROUND and not osim.getBodySet().contains(own.segment):
+        if own.segment != bodies.GROUND and not osim.getBodySet().contains(own.segment):
             raise errors.ModelRefused(
                 f"marker '{own.name}' sits on '{own.segment}', which the OpenSim model lacks",
                 field=own.name,
@@ -77,7 +77,7 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     return text if request["file"] is None else put_back(text, Path(request["file"]))
 
 
-def _write_and_check(osim: Any, model: BodyModel) -> BodyModel:
+def _write_and_check(osim: Any, model: bodies.BodyModel) -> bodies.BodyModel:
     """Write the file, and say what a fresh reading of it gives."""
     written = Path(_WRITTEN)
     try:
@@ -97,7 +97,7 @@ def _write_and_check(osim: Any, model: BodyModel) -> BodyModel:
         ) from error
 
 
-def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
+def _amend_model(model: bodies.BodyModel, request: Mapping[str, Any]) -> Any:
     """The model of a file, scaled and turned; its inertias ours where asked."""
     osim = load(Path(request["file"]), request["marker_set"])
     factors = request["factors"]
@@ -279,19 +279,19 @@ def _to_euler_xyz(r: Array) -> tuple[float, float, float]:
     return math.atan2(-r[1, 2], r[2, 2]), y, math.atan2(-r[0, 1], r[0, 0])
 
 
-def _set_inertia(body: Any, segment: Segment) -> None:
+def _set_inertia(body: Any, segment: bodies.Segment) -> None:
     body.set_mass(segment.mass)
     body.set_mass_center(import_opensim().Vec3(*segment.com))
     body.set_inertia(import_opensim().Vec6(*segment.inertia))
 
 
-def _open_end(coordinate: Coordinate) -> float:
+def _open_end(coordinate: bodies.Coordinate) -> float:
     """What stands for infinity (rad or m): OpenSim's own default where the range does not bind."""
     return 1000.0 if coordinate.clamped else 10.0  # chosen: 1000 is beyond any laboratory
 
 
 def _make_body(osim: Any, name: str) -> Any:
-    return osim.getGround() if name == GROUND else osim.getBodySet().get(name)
+    return osim.getGround() if name == bodies.GROUND else osim.getBodySet().get(name)
 
 
 def _give(add: Callable[[Any], None], item: Any) -> None:
@@ -300,9 +300,9 @@ def _give(add: Callable[[Any], None], item: Any) -> None:
     item.thisown = False
 
 
-def _build_model(model: BodyModel) -> Any:
+def _build_model(model: bodies.BodyModel) -> Any:
     """Bodies, joints and couplers made anew."""
-    joints, couplers = plan_joints(model)
+    joints, couplers = osim_joints.plan_joints(model)
     library = import_opensim()
     osim = library.Model()
     for segment in model.segments:
@@ -335,7 +335,7 @@ def _list_names(name: str) -> Any:
     return names
 
 
-def _make_joint(osim: Any, joint: CustomJoint) -> Any:
+def _make_joint(osim: Any, joint: osim_joints.CustomJoint) -> Any:
     library = import_opensim()
     frames = (
         *_make_frame(_make_body(osim, joint.parent), joint.parent_offset),
@@ -353,7 +353,7 @@ def _make_joint(osim: Any, joint: CustomJoint) -> Any:
     return library.CustomJoint(joint.name, *frames, transform)
 
 
-def _make_frame(body: Any, offset: Offset) -> tuple[Any, Any, Any]:
+def _make_frame(body: Any, offset: osim_joints.Offset) -> tuple[Any, Any, Any]:
     library = import_opensim()
     return body, _to_vec3(offset.shift), library.Vec3(*_to_euler_xyz(offset.rotation))
 

@@ -8,8 +8,8 @@ their stature. The numbers and their sources are in ``reference_models``: ``anth
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
 from functools import cache
 from itertools import product
 from types import MappingProxyType
@@ -32,7 +32,7 @@ MEASURED_SD = 0.006
 """Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class LandmarkSize:
     """A distance between landmarks by measures of the body, and its doubt by where markers sit; m."""
 
@@ -40,11 +40,11 @@ class LandmarkSize:
     terms: Mapping[str, float]
     offset_m: float
     sd_m: float
-    _: KW_ONLY
+    _: dataclasses.KW_ONLY
     at_most: bool = False  # a bound that posture falls short of
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DimensionPrior:
     """Gaussian distribution of the logarithms of a person's dimensions.
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import get_args
 
@@ -74,7 +74,7 @@ def assign_bones(model: body.BodyModel, said: Mapping[str, str]) -> tuple[body.B
         )
         if pairs
     ]
-    return replace(model, bones=tuple(stated.items())) if stated else model, tuple(notes)
+    return dataclasses.replace(model, bones=tuple(stated.items())) if stated else model, tuple(notes)
 
 
 def find_body(model: body.BodyModel, bone: str) -> str | None:
@@ -125,7 +125,7 @@ def _point_right(legs: Sequence[_Leg]) -> Array:
     return np.asarray(right / np.linalg.norm(right))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class _Leg:
     """A chain that may be a leg, in the neutral pose; places and directions in ground, (3,), m."""
 

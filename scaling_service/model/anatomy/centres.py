@@ -8,8 +8,8 @@ far it may be off beside the markers' own errors, whose sizes stand here, too.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -136,22 +136,22 @@ Size = float | Array
 """A length, m, of the whole recording or of each frame."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class BodySizes:
     """Sizes that the construction needs beside markers, m."""
 
-    widths: Mapping[str, tuple[Size, float]] = field(default_factory=lambda: MappingProxyType({}))
+    widths: Mapping[str, tuple[Size, float]] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     """``knee_r``, ``ankle_l`` … to the joint's width over the skin and its standard deviation."""
-    leg_lengths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    leg_lengths: Mapping[str, float] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     """``r`` and ``l`` to the length from ASIS to medial malleolus."""
     marker_radius: float = MARKER_RADIUS_M
 
     def with_leg_lengths(self, measured: Mapping[str, float]) -> BodySizes:
         """The same with leg lengths where there are none yet."""
-        return replace(self, leg_lengths={**measured, **self.leg_lengths})
+        return dataclasses.replace(self, leg_lengths={**measured, **self.leg_lengths})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Centre:
     """A joint centre over time."""
 
@@ -164,7 +164,7 @@ class Centre:
     """``regression``, ``functional``, ``middle`` of two landmarks, or ``chord``."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Pelvis:
     """The pelvis' landmarks as the regressions want them, and what stands for what."""
 
@@ -243,7 +243,7 @@ def construct_centres(
         offset = (errors or {}).get(name)
         if centre is not None and offset is not None:
             offset = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
-            centre = replace(centre, at=centre.at + offset)
+            centre = dataclasses.replace(centre, at=centre.at + offset)
         if centre is not None:
             found[name] = centre
 

@@ -6,7 +6,7 @@ hand, so that a scaled model gets what the table says of a segment of that size.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -15,14 +15,7 @@ import numpy as np
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model import body, poses
-from scaling_service.model.inertia import (
-    InertiaRow,
-    InertiaTable,
-    Sex,
-    read_inertia_table,
-    take_six,
-    to_matrix,
-)
+from scaling_service.model import inertia as inertias
 
 ROLES = {
     "pelvis": "pelvis",
@@ -93,7 +86,7 @@ class InertiaResult:
 class Person:
     """Whom the table is asked for."""
 
-    sex: Sex
+    sex: inertias.Sex
     height_m: float
     mass_kg: float
 
@@ -112,7 +105,7 @@ class Person:
 
 
 def apply_inertia_table(
-    model: body.BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
+    model: body.BodyModel, table: str, *, sex: inertias.Sex | None, height_m: float, mass_kg: float
 ) -> InertiaResult:
     """Give every segment the mass, centre of mass and tensor that a table says.
 
@@ -137,14 +130,14 @@ def apply_inertia_table(
     if sex is None:
         woman, man = (
             apply_inertia_table(model, table, sex=each, height_m=height_m, mass_kg=mass_kg)
-            for each in get_args(Sex)
+            for each in get_args(inertias.Sex)
         )
         between = map(_average_segments, woman.model.segments, man.model.segments)
         said = tuple(dict.fromkeys((NO_SEX, *woman.notes, *man.notes)))
         return InertiaResult(replace(model, segments=tuple(between)), table, said)
     person = Person(sex, height_m, mass_kg)
     person.check()
-    published = read_inertia_table(table)
+    published = inertias.read_inertia_table(table)
     neutral = Neutral.of(model)
     notes = list(published.notes)
     segments = [_with_inertia(s, neutral, published, person, notes) for s in model.segments]
@@ -178,7 +171,7 @@ def find_possible_tensor(tensor: Array) -> tuple[Array, bool]:
 class _Placed:
     """A row on a segment of the model: its length, where it begins and ends (ground, neutral posture)."""
 
-    row: InertiaRow
+    row: inertias.InertiaRow
     length: float
     start: Array
     end: Array
@@ -200,7 +193,7 @@ class _Placed:
 
 
 def _with_inertia(
-    segment: body.Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
+    segment: body.Segment, neutral: Neutral, table: inertias.InertiaTable, person: Person, notes: list[str]
 ) -> body.Segment:
     base, side = _split_side(segment.name)
     if base not in ROLES:
@@ -210,7 +203,7 @@ def _with_inertia(
             remedy="Use a built-in model, or keep the masses of the model's own file",
         )
     role = ROLES[base]
-    tables = [table, *([read_inertia_table(table.fallback)] if table.fallback else [])]
+    tables = [table, *([inertias.read_inertia_table(table.fallback)] if table.fallback else [])]
     if table.find(role, person.sex) is None and len(tables) > 1:
         tables = tables[1:]
     placed = []
@@ -245,7 +238,7 @@ def _with_inertia(
     tensor, changed = find_possible_tensor(tensor)
     if changed:
         notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
-    return replace(segment, mass=mass, com=body.to_vector(com), inertia=take_six(tensor))
+    return replace(segment, mass=mass, com=body.to_vector(com), inertia=inertias.take_six(tensor))
 
 
 def _split_side(name: str) -> tuple[str, str]:
@@ -263,7 +256,9 @@ def _sum_up_to_mass(segments: list[body.Segment], mass_kg: float, notes: list[st
     if abs(factor - 1.0) > 1e-4:
         notes.append(f"masses were multiplied by {factor:.4f} to sum to the person's")
     return [
-        replace(s, mass=factor * s.mass, inertia=take_six(factor * to_matrix(s.inertia)))  # radii stay
+        replace(
+            s, mass=factor * s.mass, inertia=inertias.take_six(factor * inertias.to_matrix(s.inertia))
+        )  # radii stay
         for s in segments
     ]
 
@@ -273,7 +268,7 @@ class Neutral:
     """A model in its neutral posture."""
 
     model: body.BodyModel
-    frames: Mapping[str, poses.Frame]
+    frames: abc.Mapping[str, poses.Frame]
 
     @classmethod
     def of(cls, model: body.BodyModel) -> Neutral:
@@ -298,7 +293,7 @@ class Neutral:
         return np.asarray(rotation.T @ (point - origin))
 
 
-def find_landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | None:
+def find_landmark(neutral: Neutral, name: str, side: str, sex: inertias.Sex) -> Array | None:
     """A landmark in ground, m; None where the model does not show it.
 
     ``name`` is what tables call it: ``HJC``, ``MTC``, ``XYPH`` and so on.
@@ -324,20 +319,20 @@ def find_landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | N
         top, bottom = find_landmark(neutral, "CJC", "", sex), find_landmark(neutral, "MIDH", "", sex)
         if top is None or bottom is None:
             return None
-        table = read_inertia_table(TRUNK)
+        table = inertias.read_inertia_table(TRUNK)
         lengths = [table.row(part, sex).length_mm or 0.0 for part in ("thorax", "abdomen", "pelvis")]
         share = sum(lengths[: 1 if name == "XYPH" else 2]) / sum(lengths)
         return np.asarray(top + share * (bottom - top))
     return None
 
 
-def _find_middle(points: Sequence[Array | None]) -> Array | None:
+def _find_middle(points: abc.Sequence[Array | None]) -> Array | None:
     """Mean of some points, None where one is missing."""
     known = [p for p in points if p is not None]
     return np.asarray(np.mean(known, axis=0)) if len(known) == len(points) else None
 
 
-def require_landmark(neutral: Neutral, name: str, side: str, sex: Sex, segment: str) -> Array:
+def require_landmark(neutral: Neutral, name: str, side: str, sex: inertias.Sex, segment: str) -> Array:
     """A landmark that must be known.
 
     InputError: the model does not show it.

@@ -6,7 +6,7 @@ They lie up to 50 mm from joint centres by markers (Needham et al. 2021, Sci Rep
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -21,7 +21,7 @@ from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.places import tell_landmarks
 
-_JOINTS: Mapping[str, tuple[str, str]] = MappingProxyType(
+_JOINTS: abc.Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "Hip": ("hip", "pelvis"),
         "Knee": ("knee", "tibia"),
@@ -33,13 +33,13 @@ _JOINTS: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 """Key point without its side to its joint, and the segment that it is put on."""
 
-_FEET: Mapping[str, tuple[str, float]] = MappingProxyType(
+_FEET: abc.Mapping[str, tuple[str, float]] = MappingProxyType(
     {"Heel": ("HEE", 0.0), "BigToe": ("MT1", 0.055), "SmallToe": ("MT5", 0.045)}
 )
 """Key point to the landmark of a foot, and how far before it, m (chosen: a great toe, a little toe)."""
 
 
-def add_key_points(model: body.BodyModel, labels: Iterable[str]) -> body.BodyModel:
+def add_key_points(model: body.BodyModel, labels: abc.Iterable[str]) -> body.BodyModel:
     """The model with the key points that these labels name, where they are those of a video pose network.
 
     The model as it is where labels are of another set, or it has such markers.
@@ -82,14 +82,14 @@ def _make(name: str, segment: str, at: Array, sd: float) -> body.Marker:
     return replace(body.Marker.at(name, segment, body.to_vector(at), anatomical=False), noise=sd)
 
 
-def shows_key_points_alone(model: body.BodyModel, labels: Iterable[str]) -> bool:
+def shows_key_points_alone(model: body.BodyModel, labels: abc.Iterable[str]) -> bool:
     """Whether all of a model's markers among these labels are key points, and there are any."""
     shown = set(labels)
     own = [m for m in model.markers if m.name in shown and m.weight > 0.0]
     return bool(own) and all(m.noise is not None and not m.is_direction for m in own)
 
 
-def tell_key_points(model: body.BodyModel, labels: Iterable[str]) -> tuple[Note, ...]:
+def tell_key_points(model: body.BodyModel, labels: abc.Iterable[str]) -> tuple[Note, ...]:
     """That key points are followed, and how far they are taken to be off; nothing where markers are, too."""
     seen = list(labels)
     if not shows_key_points_alone(model, seen):

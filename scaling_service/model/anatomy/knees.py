@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -40,7 +40,7 @@ class Knee:
     flexion: str  # the coordinate
     extends: float  # 1 where the coordinate grows with extension, -1 where it grows with flexion
     side: int  # 1: right, -1: left, 0: neither the names nor the landmarks of the shank tell it
-    turns: Mapping[str, tuple[str, float]]  # axis of the thigh to the coordinate about it, and its sign
+    turns: abc.Mapping[str, tuple[str, float]]  # axis of the thigh to the coordinate about it, and its sign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class SecondaryRotation:
     source: str
 
 
-def list_knees(model: body.BodyModel) -> Iterator[Knee]:
+def list_knees(model: body.BodyModel) -> abc.Iterator[Knee]:
     """Joints between what is called a thigh and a shank.
 
     Rotations are known by their axes in the neutral posture: flexion about Z, adduction about X, axial
@@ -103,7 +103,7 @@ def list_knees(model: body.BodyModel) -> Iterator[Knee]:
                 )
 
 
-def list_secondary_rotations(model: body.BodyModel) -> Iterator[SecondaryRotation]:
+def list_secondary_rotations(model: body.BodyModel) -> abc.Iterator[SecondaryRotation]:
     """Those rotations of which something is published (``reference_models/joint_motion.yaml``).
 
     Of a leg whose side is not known, neither is the sense in which its shank turns: the law is nought then,
@@ -175,9 +175,9 @@ def _of_flexion(coefficients: list[float], largest_deg: float, extends: float) -
 
 
 @cache
-def _read_published() -> Mapping[str, Any]:
+def _read_published() -> abc.Mapping[str, Any]:
     """What is known of a knee."""
-    table: Mapping[str, Any] = reference.read_reference(
+    table: abc.Mapping[str, Any] = reference.read_reference(
         reference.find_reference_folder() / "joint_motion.yaml"
     )["joints"][0]
     return table

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import abc
 from dataclasses import dataclass
 from typing import Literal
 
 from scaling_service.model import marker_sets
+from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.anatomy.lengths import find_segment
-from scaling_service.model.anatomy.markers import (
-    describe_likeness,
-    is_computed,
-    look_up_meaning,
-    make_plain_key,
-)
 from scaling_service.model.body import BodyModel
 
 MOSTLY = 0.6
@@ -33,7 +28,7 @@ class MarkerSetMatch:
     key_points: bool = False  # whether the labels are joint centres guessed from video rather than markers
 
 
-def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
+def recognise(labels: abc.Iterable[str]) -> MarkerSetMatch | None:
     """The marker set that fits the labels of all recordings best; None where none is mostly there.
 
     Of two sets that fit, the one counts that explains more of the labels and asks for fewer others
@@ -47,10 +42,14 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     >>> found.name, found.lacks
     ('plug_in_gait_lower', ('LHEE',))
     """
-    present = {make_plain_key(label) for label in labels if not is_computed(label)}
+    present = {
+        anatomy_markers.make_plain_key(label) for label in labels if not anatomy_markers.is_computed(label)
+    }
     every = marker_sets.list_marker_sets().values()
     additions = [s for s in every if s.adds_to_others and _share(s, present) >= MOSTLY]
-    explained = present - {make_plain_key(n) for s in additions for label in s.labels for n in label.names}
+    explained = present - {
+        anatomy_markers.make_plain_key(n) for s in additions for label in s.labels for n in label.names
+    }
     whole = [s for s in every if not s.adds_to_others and _share(s, present) >= MOSTLY]
     if not whole:
         return None
@@ -67,7 +66,7 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
 
 
 def _is_present(label: marker_sets.SetLabel, present: set[str]) -> bool:
-    return any(make_plain_key(name) in present for name in label.names)
+    return any(anatomy_markers.make_plain_key(name) in present for name in label.names)
 
 
 def _list_asked(
@@ -100,7 +99,7 @@ def _rate_likeness(marker_set: marker_sets.MarkerSet, present: set[str], explain
     return 2.0 * len(found) / (size + max(len(explained), len(found)))
 
 
-def assign_tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[str, str]:
+def assign_tracking_segments(labels: abc.Iterable[str], model: BodyModel) -> dict[str, str]:
     """Segment of each label that is known and that no marker of the model takes, where the model has it.
 
     Examples
@@ -112,11 +111,11 @@ def assign_tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[st
     markers = [marker.name for marker in model.markers if marker.weight > 0.0]
     found = {}
     for label in labels:
-        meant = look_up_meaning(label)
+        meant = anatomy_markers.look_up_meaning(label)
         if (
             meant is None
-            or is_computed(label)
-            or any(describe_likeness(label, name) is not None for name in markers)
+            or anatomy_markers.is_computed(label)
+            or any(anatomy_markers.describe_likeness(label, name) is not None for name in markers)
         ):
             continue
         midline = meant.segment in ("pelvis", "torso", "head")
@@ -127,7 +126,7 @@ def assign_tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[st
 
 
 def find_plane_marker(
-    labels: Sequence[str], joint: Literal["knee", "ankle"], side: Literal["r", "l"]
+    labels: abc.Sequence[str], joint: Literal["knee", "ankle"], side: Literal["r", "l"]
 ) -> str | None:
     """The label of the marker that tells the plane of a joint's axis: the conventional gait model's wands.
 
@@ -142,10 +141,10 @@ def find_plane_marker(
     'S01:RTHI'
     """
     keys = {
-        make_plain_key(name)
+        anatomy_markers.make_plain_key(name)
         for marker_set in marker_sets.list_marker_sets().values()
         for entry in marker_set.labels
         if entry.plane_of == joint and entry.side == side
         for name in entry.names
     }
-    return next((label for label in labels if make_plain_key(label) in keys), None)
+    return next((label for label in labels if anatomy_markers.make_plain_key(label) in keys), None)

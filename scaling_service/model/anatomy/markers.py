@@ -10,8 +10,7 @@ name only.
 from __future__ import annotations
 
 import re
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import abc, defaultdict
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from types import MappingProxyType
@@ -37,7 +36,7 @@ before the next one looks."""
 SACRUM = "SACR"
 """One marker that stands for both PSIS."""
 
-PLANAR_SOURCES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+PLANAR_SOURCES: abc.Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "TOE": ("RTOE", "LTOE"),
         "ANK": ("RLM", "LLM"),
@@ -70,7 +69,7 @@ class Meaning:
 class LabelMap:
     """Which label of the recordings was taken for which marker of the model."""
 
-    mapped: Mapping[str, str]  # model marker to label, in the order asked for
+    mapped: abc.Mapping[str, str]  # model marker to label, in the order asked for
     unused_labels: tuple[str, ...]  # labels that no marker took
     notes: tuple[str, ...]  # what was decided and why, one plain sentence each, for a person
 
@@ -115,11 +114,11 @@ def look_up_meaning(name: str) -> Meaning | None:
 
 
 @cache
-def _list_meanings() -> Mapping[str, Meaning]:
+def _list_meanings() -> abc.Mapping[str, Meaning]:
     """Plain key to what it means, from landmarks, their aliases and all labels of marker sets."""
     found: dict[str, Meaning | None] = {}
 
-    def add(names: Iterable[str], meant: Meaning) -> None:
+    def add(names: abc.Iterable[str], meant: Meaning) -> None:
         for name in names:
             key = make_plain_key(name)
             found[key] = meant if found.get(key, meant) == meant else None
@@ -174,7 +173,7 @@ def describe_likeness(label: str, marker: str) -> str | None:
 
 
 def match_labels(
-    labels: Iterable[str], wanted: Sequence[str], explicit: Mapping[str, str] | None = None
+    labels: abc.Iterable[str], wanted: abc.Sequence[str], explicit: abc.Mapping[str, str] | None = None
 ) -> LabelMap:
     """Find the label of every wanted marker.
 
@@ -229,7 +228,7 @@ def match_labels(
 
 
 def _match_explicit(
-    present: Sequence[str], wanted: Sequence[str], explicit: Mapping[str, str]
+    present: abc.Sequence[str], wanted: abc.Sequence[str], explicit: abc.Mapping[str, str]
 ) -> tuple[dict[str, str], list[str]]:
     mapped: dict[str, str] = {}
     for marker, label in explicit.items():
@@ -255,7 +254,7 @@ def _match_explicit(
     return mapped, [f"{marker} is '{label}' (as the subject file says)" for marker, label in mapped.items()]
 
 
-def _group_labels(level: int, names: Sequence[str]) -> dict[str, list[str]]:
+def _group_labels(level: int, names: abc.Sequence[str]) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = defaultdict(list)
     for name in names:
         key = _list_keys(name)[level]
@@ -264,7 +263,7 @@ def _group_labels(level: int, names: Sequence[str]) -> dict[str, list[str]]:
     return groups
 
 
-def _report_ambiguous(marker: str, found: Sequence[str]) -> InputError:
+def _report_ambiguous(marker: str, found: abc.Sequence[str]) -> InputError:
     return InputError(
         f"marker '{marker}' could be {' or '.join(repr(label) for label in found)}",
         field=f"markers.{marker}",

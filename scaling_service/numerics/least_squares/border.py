@@ -7,8 +7,8 @@ the parameters have theirs, so that one unruly frame does not slow the others.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import linalg, optimize
@@ -24,7 +24,7 @@ _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directi
 _BLOCK_RIDGE = 1e-14  # the same within a frame, small enough not to hide a free combination of parameters
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DampingShares:
     """Shares of each curvature: of every frame's coordinates (n_frames,), and of the parameters."""
 
@@ -32,7 +32,7 @@ class DampingShares:
     parameters: float
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Block:
     """The normal equations of some frames, parameters in normalised units."""
 
@@ -44,7 +44,7 @@ class _Block:
     frame_slopes: Array  # (n, np)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
     """How the coordinates of some frames move: ``free_step - follow @ step of the parameters``."""
 
@@ -54,7 +54,7 @@ class Eliminated:
     gain: Array  # (n,), decrease of each frame's cost that free_step promises
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(slots=True, eq=False, kw_only=True)
 class Border:
     """What is left for the parameters, in normalised units: curvature (np, np) and slope (np,).
 
@@ -65,8 +65,8 @@ class Border:
     curvature: Array
     slope: Array
     gains: Array
-    blocks: list[_Block] = field(default_factory=list)
-    kept: list[Eliminated] = field(default_factory=list)
+    blocks: list[_Block] = dataclasses.field(default_factory=list)
+    kept: list[Eliminated] = dataclasses.field(default_factory=list)
 
 
 def linearise(

@@ -8,7 +8,7 @@ axis is the cluster, the last the frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.tree import CYCLE, cross
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Clusters:
     """Sufficient statistics of the markers of every link.
 
@@ -35,7 +35,7 @@ class Clusters:
     def take(self, rows: NDArray[np.intp]) -> Clusters:
         """The clusters in these frames."""
         constant = self.local.shape[-1] == 1
-        return replace(
+        return dataclasses.replace(
             self,
             weight=self.weight[:, rows],
             local=self.local if constant else self.local[..., rows],
@@ -95,7 +95,7 @@ def weight_markers(measured: Array, weights: Array) -> Array:
     return np.where(find_seen(measured), weights, 0.0).T
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Misfit:
     """How far the clusters are from where they were measured, in one pose."""
 

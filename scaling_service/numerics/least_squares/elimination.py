@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.clusters import compute_wrench_rate
+from scaling_service.numerics.multibody import plan as plans
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.laws import NONE
-from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, is_plain, split_entries
-from scaling_service.numerics.multibody.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]
 _KEPT = 32  # plans; as many as trees are kept
@@ -41,7 +41,7 @@ class _Moves:
     parents: Index
     constant: Array
     matrix: Array
-    varying: tuple[Entry, ...]
+    varying: tuple[plans.Entry, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,13 +69,13 @@ class Elimination:
     moves: _Moves
 
 
-def plan_elimination(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
+def plan_elimination(tree: trees.Tree, free: NDArray[np.bool_]) -> Elimination:
     """Plan the elimination of the free coordinates (n_coordinates,) of an articulated tree."""
     return _plan_cached(tree, np.asarray(free, dtype=bool).tobytes())
 
 
 @lru_cache(maxsize=_KEPT)
-def _plan_cached(tree: Tree, chosen: bytes) -> Elimination:
+def _plan_cached(tree: trees.Tree, chosen: bytes) -> Elimination:
     free = np.frombuffer(chosen, dtype=bool)
     own = [_order_coordinates(tree, link, free) for link in range(len(tree.links))]
     depth: list[int] = []
@@ -105,29 +105,29 @@ def _plan_cached(tree: Tree, chosen: bytes) -> Elimination:
     )
 
 
-def _order_coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
+def _order_coordinates(tree: trees.Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
     """The free coordinates of a link in the order in which its moves first use them.
 
     Second derivatives need it: what stands before carries what comes after.
     """
-    own = split_entries([e for e in tree.plan.entries if e.link == link], tree.factors)
-    used = [find_entry_coordinate(e, tree.factors) for e in own]
+    own = plans.split_entries([e for e in tree.plan.entries if e.link == link], tree.factors)
+    used = [plans.find_entry_coordinate(e, tree.factors) for e in own]
     return [v for v in dict.fromkeys(used) if free[v]]
 
 
-Item = tuple[int, int, list[Entry]]
+Item = tuple[int, int, list[plans.Entry]]
 """A column, a node that it moves, and the terms by which it does."""
 
 
-def _list_moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
+def _list_moves(tree: trees.Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
     turns, shifts = (_list_sets(tree, columns, turns=turns) for turns in (True, False))
     items = [item for group in (*turns, *shifts) for item in group]
     nodes = np.array([node for _, node, _ in items], dtype=np.intp)
     constant = np.zeros((len(items), 3, 1))
-    varying: list[tuple[int, Entry]] = []
+    varying: list[tuple[int, plans.Entry]] = []
     for row, (_, _, entries) in enumerate(items):
         for entry in entries:
-            if is_plain(entry.term, tree.factors):
+            if plans.is_plain(entry.term, tree.factors):
                 constant[row, :, 0] += entry.direction
             else:
                 varying.append((row, entry))
@@ -150,13 +150,13 @@ def _list_moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
     )
 
 
-def _list_sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> list[list[Item]]:
+def _list_sets(tree: trees.Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> list[list[Item]]:
     """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
-    found: list[dict[int, list[Entry]]] = [{} for _ in columns]
+    found: list[dict[int, list[plans.Entry]]] = [{} for _ in columns]
     number = {variable: column for column, (variable, _) in enumerate(columns)}
-    for entry in split_entries(tree.plan.entries, tree.factors):
+    for entry in plans.split_entries(tree.plan.entries, tree.factors):
         if entry.is_turn == turns:
-            column = number.get(find_entry_coordinate(entry, tree.factors))
+            column = number.get(plans.find_entry_coordinate(entry, tree.factors))
             if column is not None:
                 found[column].setdefault(entry.node, []).append(entry)
     return [
@@ -165,7 +165,7 @@ def _list_sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -
     ]
 
 
-def compute_twists(plan: Elimination, poses: Poses) -> Array:
+def compute_twists(plan: Elimination, poses: trees.Poses) -> Array:
     """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
     moves, n = plan.moves, poses.frames.shape[-1]
     result = np.zeros((len(plan.variables), 6, n))
@@ -176,7 +176,7 @@ def compute_twists(plan: Elimination, poses: Poses) -> Array:
             rates[k] = poses.values.by_coordinate(entry.term, entry.number)
         local = local + (moves.matrix @ rates).reshape(len(local), 3, n)
     directions = np.einsum("mjan,mjn->man", poses.frames[moves.parents, :3], local)
-    about_ground = cross(poses.frames[moves.turned, 3], directions[: len(moves.turned)])
+    about_ground = trees.cross(poses.frames[moves.turned, 3], directions[: len(moves.turned)])
     for k, (rows, columns) in enumerate(moves.targets):
         if k < moves.turning:
             result[columns, :3] += directions[rows]
@@ -238,7 +238,14 @@ def solve_step(
     A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
     so.
     """
-    bend = _bend(plan, mass, twist, second) if second.any() else None
+    bend = None
+    if second.any():
+        # Half of how each column turns the residual wrench of all that it carries, (c, 6, n).
+        load = mass[:, :, 6] * (0.5 * second)
+        for depth in plan.depths:
+            for row, parent in depth.carried:
+                load[parent] += load[row]
+        bend = compute_wrench_rate(twist, load[plan.column_row])
     grown, (count, _, n) = 1.0 + damping.share, twist.shape
     push, scaled, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
     for depth in plan.depths:
@@ -282,12 +289,3 @@ def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: A
         block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
         share *= ~stopped[:, None]
         free[:] = within
-
-
-def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
-    """Half of how each column turns the residual wrench of all that it carries, (c, 6, n)."""
-    load = mass[:, :, 6] * (0.5 * second)
-    for depth in plan.depths:
-        for row, parent in depth.carried:
-            load[parent] += load[row]
-    return compute_wrench_rate(twist, load[plan.column_row])

@@ -17,20 +17,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.border import (
-    DampingShares,
-    compute_frame_slopes,
-    compute_step,
-    linearise,
-)
-from scaling_service.numerics.least_squares.problem import (
-    Problem,
-    compute_frame_costs,
-    compute_prior_cost,
-    compute_residuals,
-    compute_total_cost,
-    find_seen,
-)
+from scaling_service.numerics.least_squares import border as borders
+from scaling_service.numerics.least_squares import problem as problems
 
 _ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
 _STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls
@@ -87,7 +75,7 @@ class Uncertainty:
 
 
 def solve(
-    problem: Problem,
+    problem: problems.Problem,
     q0: Array,
     p0: Array,
     settings: Settings = Settings(),
@@ -102,17 +90,19 @@ def solve(
     ``start``: (n_parameters,).
     """
     q, p = problem.clip(q0.copy(), (p0 if start is None else start).copy())
-    cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
-    damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
+    cost, raise_by = problems.compute_total_cost(problem, q, p, p0), 2.0
+    damping = borders.DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
-        trial_q, trial_p, promised, _ = compute_step(problem, q, p, p0, damping)
+        trial_q, trial_p, promised, _ = borders.compute_step(problem, q, p, p0, damping)
         if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
             return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
         # Frames share only the parameters: in each the coordinates are chosen that suit the trial's.
-        moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
+        moved, stayed = (problems.compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
         improved = np.less_equal(moved, stayed)
         trial_q = np.where(improved[:, None], trial_q, q)
-        trial_cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
+        trial_cost = float(np.minimum(moved, stayed).sum()) + problems.compute_prior_cost(
+            problem, trial_p, p0
+        )
         own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
         if trial_cost < cost:
             # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
@@ -124,11 +114,13 @@ def solve(
         else:
             shared = max(damping.parameters, 1e-8) * raise_by
             raise_by *= 2.0
-        damping = DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
+        damping = borders.DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
     return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
-def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = Settings()) -> Solution:
+def solve_motion_alone(
+    problem: problems.Problem, q0: Array, p: Array, settings: Settings = Settings()
+) -> Solution:
     """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
 
     A frame ends with the step that promises too little to be worth another look at the cost.
@@ -138,11 +130,13 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
     ``p``: (n_parameters,).
     """
     q, p = problem.clip(q0.copy(), p.copy())
-    cost = compute_frame_costs(problem, q, p)
+    cost = problems.compute_frame_costs(problem, q, p)
     damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
     for steps in range(1, settings.max_steps + 1):
         part = problem.of_frames(left)
-        moved, _, _, promised = compute_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
+        moved, _, _, promised = borders.compute_step(
+            part, q[left], p, p, borders.DampingShares(damping[left], 0.0)
+        )
         enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
         going = (promised > enough) & (damping[left] < _STUCK)
         last = promised <= enough
@@ -152,11 +146,11 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
             return Solution(
                 q=q,
                 p=p,
-                cost=float(compute_frame_costs(problem, q, p).sum()),
+                cost=float(problems.compute_frame_costs(problem, q, p).sum()),
                 steps=steps,
                 outcome=Outcome.CONVERGED,
             )
-        trial = compute_frame_costs(problem.of_frames(left), moved, p)
+        trial = problems.compute_frame_costs(problem.of_frames(left), moved, p)
         better = trial <= cost[left]
         q[left[better]], cost[left[better]] = moved[better], trial[better]
         damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
@@ -164,7 +158,7 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
 
 
 def estimate_uncertainty(
-    problem: Problem, solution: Solution, p0: Array, variance: float | None = None
+    problem: problems.Problem, solution: Solution, p0: Array, variance: float | None = None
 ) -> Uncertainty:
     """Standard deviations of the free parameters, from the curvature at the solution.
 
@@ -173,7 +167,7 @@ def estimate_uncertainty(
     ``p0`` (n_parameters,): centre of the priors.
     ``variance`` m2: of one marker coordinate in one independent frame; from the residuals if not given.
     """
-    border = linearise(problem, solution.q, solution.p, p0, np.zeros(problem.n_frames))
+    border = borders.linearise(problem, solution.q, solution.p, p0, np.zeros(problem.n_frames))
     value = solution.p[problem.parameters]
     margin = 1e-6 * problem.scale
     at_bound = (value <= problem.lower + margin) | (value >= problem.upper - margin)
@@ -208,14 +202,14 @@ def _invert_curvature(curvature: Array) -> tuple[Array, Array]:
     return (vectors[:, known] / values[known]) @ vectors[:, known].T, vectors[:, ~known]
 
 
-def estimate_residual_variance(problem: Problem, q: Array, p: Array) -> float:
+def estimate_residual_variance(problem: problems.Problem, q: Array, p: Array) -> float:
     """Variance of one marker coordinate in one frame (m2), given the freedom that the fit used up.
 
     ``q``: (n_frames, n_coordinates).
     ``p``: (n_parameters,).
     """
-    shown = find_seen(problem.measured)
-    gaps = compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
+    shown = problems.find_seen(problem.measured)
+    gaps = problems.compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
     total = float((np.where(shown[:, :, None], gaps, 0.0) ** 2).sum())
     spent = problem.n_frames * len(problem.coordinates) + len(problem.parameters)
     left = max(3 * int(shown.sum()) - spent, 1)
@@ -223,7 +217,7 @@ def estimate_residual_variance(problem: Problem, q: Array, p: Array) -> float:
 
 
 def estimate_repetition(
-    problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float
+    problem: problems.Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float
 ) -> float:
     """How many frames say the same thing about the parameters, at least one.
 
@@ -238,11 +232,11 @@ def estimate_repetition(
     names, sizes = np.unique(blocks, return_counts=True)
     if len(names) < 2 or not len(problem.parameters):
         return 1.0
-    border = linearise(problem, q, p, p, np.zeros(problem.n_frames))
+    border = borders.linearise(problem, q, p, p, np.zeros(problem.n_frames))
     curvature = border.curvature - np.diag(problem.prior_weight * problem.scale**2)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
-    slopes = compute_frame_slopes(problem, q, p) @ (vectors[:, known] / np.sqrt(values[known]))
+    slopes = borders.compute_frame_slopes(problem, q, p) @ (vectors[:, known] / np.sqrt(values[known]))
     sums = np.array([slopes[blocks == name].sum(axis=0) for name in names])
     sums -= np.outer(sizes / len(blocks), sums.sum(axis=0))
     free = 1.0 - float(((sizes / len(blocks)) ** 2).sum())

@@ -24,13 +24,7 @@ from scaling_service.numerics.least_squares.whitening import (
     Whitening,
 )
 from scaling_service.numerics.multibody import laws
-from scaling_service.numerics.multibody.tree import (
-    Poses,
-    Tree,
-    compute_jacobian,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree as trees
 
 MOST_STEPS = 30
 """Chosen: beyond it only directions move that nothing tells of."""
@@ -139,8 +133,8 @@ def solve_posterior(
 
 def _compute_cost(problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array) -> tuple[Array, float]:
     """Whitened residuals, (n, 3 n_markers), and the cost: theirs and the prior's, but for a constant."""
-    poses = pose_links(problem.tree, np.ascontiguousarray(q.T), p)
-    gap = np.moveaxis(problem.measured, 0, -1) - place_tree_markers(problem.tree, poses)
+    poses = trees.pose_links(problem.tree, np.ascontiguousarray(q.T), p)
+    gap = np.moveaxis(problem.measured, 0, -1) - trees.place_tree_markers(problem.tree, poses)
     gap = np.where(np.isfinite(gap), gap, 0.0)
     white = whitening.apply(poses.axes, problem.tree.marker_link, gap[None])[:, 0]
     cost = float((white**2).sum())
@@ -165,14 +159,14 @@ def _linearise(
     A parameter of one marker alone meets no other group's residuals: their products are left out.
     """
     tree, nq, n = problem.tree, len(problem.coordinates), len(q)
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
     count = len(p) if shared else 0
     alone = tree.marker_parameters if shared else {}
     common = np.array([k for k in range(count) if k not in alone], dtype=np.intp)
     numbers = np.array([*alone], dtype=np.intp)
     owners = np.array([marker for marker, _ in alone.values()], dtype=np.intp)
     variables = np.concatenate([problem.coordinates, tree.n_coordinates + common])
-    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
+    rates = trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables)
     white = whitening.apply(poses.axes, tree.marker_link, rates)
     own, wide = white[:, :nq], white[:, nq:]
     curvature, slope = own @ own.transpose(0, 2, 1), (own @ gap[:, :, None])[:, :, 0]
@@ -205,7 +199,7 @@ def _flatten(white: Array) -> Array:
 
 
 def _find_directions(
-    tree: Tree, poses: Poses, parameters: NDArray[np.intp], group: ErrorGroup
+    tree: trees.Tree, poses: trees.Poses, parameters: NDArray[np.intp], group: ErrorGroup
 ) -> tuple[Array, Array]:
     """The direction along which each parameter moves its one marker in the link, and how far per unit.
 
@@ -279,8 +273,8 @@ def _eliminate_slopes(
     ``own`` (n, nq, nq): the poses' curvature. Parameters of different groups meet in the poses alone.
     """
     tree, whitening = problem.tree, Whitening(problem)
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), problem.coordinates)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
+    rates = trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), problem.coordinates)
     white = whitening.apply(poses.axes, tree.marker_link, rates)
     crossed = np.zeros((*own.shape[:2], len(latent)))
     owners = np.array([tree.marker_parameters[int(k)][0] for k in latent])
@@ -355,7 +349,11 @@ def _with_ridge(own: Array) -> Array:
 
 
 def _solve_block(
-    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array, most: int = MOST_STEPS
+    problem: PosteriorProblem,
+    whitening: Whitening,
+    q: Array,
+    p: Array,
+    most: int = MOST_STEPS,
 ) -> Array:
     """The poses of frames that are linearised together, each with a damping of its own."""
     nothing = replace(problem, prior=GaussianPrior(()))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.arrays import Mask as Mask
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 _BLOCK = 256  # frames linearised together
 CLOSING = 1e6
@@ -33,7 +33,7 @@ class Loss(Protocol):
         """Derivative of the cost with respect to ``squared``."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Squared:
     """Plain least squares."""
 
@@ -46,7 +46,7 @@ class Squared:
         return np.ones_like(squared)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Huber:
     """Quadratic up to ``scale_m``, linear beyond."""
 
@@ -66,11 +66,11 @@ class Huber:
 SQUARED = Squared()
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """Markers to be explained by coordinates per frame and parameters shared by all frames."""
 
-    tree: Tree
+    tree: trees.Tree
     measured: Array  # (n_frames, n_markers, 3), m: NaN where a marker was not seen
     weights: Array  # (n_markers,)
     coordinates: NDArray[np.intp]  # (n_free_coordinates,): the coordinates to estimate
@@ -107,7 +107,7 @@ class Problem:
         """The same of some frames."""
         prior = self.coordinate_prior
         prior = None if prior is None else (prior[0][rows], prior[1][rows])
-        return replace(self, measured=self.measured[rows], coordinate_prior=prior)
+        return dataclasses.replace(self, measured=self.measured[rows], coordinate_prior=prior)
 
     @property
     def closing(self) -> float:
@@ -116,7 +116,7 @@ class Problem:
 
     def hold_motion(self) -> Problem:
         """The same with no coordinate to estimate, only parameters."""
-        return replace(self, coordinates=np.zeros(0, dtype=np.intp))
+        return dataclasses.replace(self, coordinates=np.zeros(0, dtype=np.intp))
 
     def clip(self, q: Array, p: Array) -> tuple[Array, Array]:
         """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place.
@@ -134,8 +134,8 @@ class Problem:
 
 def compute_residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -> Array:
     """Measured minus model, (n, n_markers, 3), m; NaN where not seen."""
-    poses = pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    return problem.measured[rows] - np.moveaxis(place_tree_markers(problem.tree, poses), -1, 0)
+    poses = trees.pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
+    return problem.measured[rows] - np.moveaxis(trees.place_tree_markers(problem.tree, poses), -1, 0)
 
 
 def compute_frame_costs(problem: Problem, q: Array, p: Array) -> Array:

@@ -6,8 +6,8 @@ of any covariance.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+import dataclasses
+from collections import abc
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,13 @@ from scaling_service.numerics.multibody.tree import Tree
 class GaussianPrior:
     """What is known of some numbers, gathered piece by piece in information form."""
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: abc.Sequence[str]) -> None:
         self.names = tuple(names)
         self._place = {name: k for k, name in enumerate(self.names)}
         self.precision = np.zeros((len(self.names),) * 2)
         self.pull = np.zeros(len(self.names))
 
-    def add(self, rows: Sequence[Mapping[str, float]], mean: Array, covariance: Array) -> None:
+    def add(self, rows: abc.Sequence[abc.Mapping[str, float]], mean: Array, covariance: Array) -> None:
         """Linear combinations of the numbers, each a mapping of name to weight, are Gaussian.
 
         ``mean``: (k,). ``covariance`` (k, k): positive definite.
@@ -38,12 +38,12 @@ class GaussianPrior:
         self.precision[np.ix_(at, at)] += weights.T @ informed[:, :-1]
         self.pull[at] += weights.T @ informed[:, -1]
 
-    def add_values(self, names: Sequence[str], mean: Array, covariance: Array) -> None:
+    def add_values(self, names: abc.Sequence[str], mean: Array, covariance: Array) -> None:
         """The numbers themselves, (k,), are Gaussian."""
         self.add([{name: 1.0} for name in names], mean, covariance)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ErrorGroup:
     """Markers of one link and the covariance of their errors in the link's frame.
 
@@ -55,7 +55,7 @@ class ErrorGroup:
     instrument: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PosteriorProblem:
     """Markers of some frames, how they err, and what is known of the shared parameters."""
 
@@ -77,7 +77,7 @@ class PosteriorProblem:
             None if part is None else (part[0][rows], part[1][rows]) for part in (self.held, self.integrated)
         )
         measured, shares = self.measured[rows], self.shares[rows]
-        return replace(self, measured=measured, shares=shares, held=held, integrated=integrated)
+        return dataclasses.replace(self, measured=measured, shares=shares, held=held, integrated=integrated)
 
     def hold_once(self) -> PosteriorProblem:
         """With what is known of coordinates beside the markers said once over all frames, not once in each.
@@ -89,7 +89,7 @@ class PosteriorProblem:
             return self
         share = self.shares / self.shares.sum()
         precision, pull = self.held
-        return replace(self, held=(precision * share[:, None, None], pull * share[:, None]))
+        return dataclasses.replace(self, held=(precision * share[:, None, None], pull * share[:, None]))
 
 
 class Whitening:
@@ -161,7 +161,7 @@ class Whitening:
         return misfit, weights, count
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Part:
     """One group in a whitening: the root of each pattern, the pattern of each frame, its numbers' columns."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.tree import Tree, compute_jacobian, place_tree_markers, pose_links
+from scaling_service.numerics.multibody import tree as trees
 
 Index = NDArray[np.intp]
 
@@ -28,7 +28,7 @@ class Closure:
     angles to the way from the second to the third.
     """
 
-    tree: Tree
+    tree: trees.Tree
     meeting: Index
     apart: Index
     distances: Array
@@ -41,14 +41,14 @@ class Closure:
 
     def evaluate(self, q: Array, p: Array) -> Array:
         """What the equations miss, (n, count), m, at coordinates (n, n_coordinates)."""
-        poses = pose_links(self.tree, np.ascontiguousarray(q.T), p)
-        return self._miss(np.moveaxis(place_tree_markers(self.tree, poses), -1, 0))
+        poses = trees.pose_links(self.tree, np.ascontiguousarray(q.T), p)
+        return self._miss(np.moveaxis(trees.place_tree_markers(self.tree, poses), -1, 0))
 
     def linearise(self, q: Array, p: Array, variables: Index) -> tuple[Array, Array]:
         """What the equations miss, (n, count), and its rates with variables, (n, n_variables, count)."""
-        poses = pose_links(self.tree, np.ascontiguousarray(q.T), p)
-        placed = place_tree_markers(self.tree, poses)
-        rates = np.moveaxis(compute_jacobian(self.tree, poses, placed, variables), -1, 0)
+        poses = trees.pose_links(self.tree, np.ascontiguousarray(q.T), p)
+        placed = trees.place_tree_markers(self.tree, poses)
+        rates = np.moveaxis(trees.compute_jacobian(self.tree, poses, placed, variables), -1, 0)
         x = np.moveaxis(placed, -1, 0)
         shape = (*rates.shape[:2], -1)
         met = (rates[:, :, self.meeting[:, 0]] - rates[:, :, self.meeting[:, 1]]).reshape(shape)

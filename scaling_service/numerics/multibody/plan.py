@@ -6,8 +6,8 @@ depth do not depend on each other, so they are computed in one operation. Node 0
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,15 +32,15 @@ _STILL = np.stack([_UNTURNED, np.zeros((3, 3)), np.zeros((3, 3))])
 """No rotation, in the same parts."""
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclasses.dataclass(slots=True, kw_only=True)
 class _Node:
     """A node while it is put together."""
 
     link: int
-    shift: Array = field(default_factory=lambda: _ORIGIN)
+    shift: Array = dataclasses.field(default_factory=lambda: _ORIGIN)
     shift_terms: tuple[laws.TermArrays, ...] = ()
-    before: Array = field(default_factory=lambda: _UNTURNED)
-    after: Array = field(default_factory=lambda: _UNTURNED)
+    before: Array = dataclasses.field(default_factory=lambda: _UNTURNED)
+    after: Array = dataclasses.field(default_factory=lambda: _UNTURNED)
     turn: float | None = None
     turn_terms: tuple[laws.TermArrays, ...] = ()
 
@@ -50,7 +50,7 @@ class _Node:
         return self.turn is None and self.before is _UNTURNED
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Linear:
     """Laws of many nodes at once: ``constant``, a matrix times q, and the terms that are not linear in q.
 
@@ -79,7 +79,7 @@ class Linear:
         return result
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Entry:
     """One term of one node's law: what it moves, and how.
 
@@ -95,7 +95,7 @@ class Entry:
     number: int = 0  # which coordinate of the term's factor is looked at, where they are one by one
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Plan:
     """Nodes sorted by depth, as arrays; row 0 is the ground."""
 
@@ -135,11 +135,14 @@ def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordi
         [place[parents[k]] if parents[k] != laws.NONE else 0 for k in order], dtype=np.intp
     )
     levels = tuple((slice(a, b), run_of(parent_rows[a:b])) for a, b in pairwise(bounds))
+    parts = np.stack([_STILL if node.turn is None else _TURNING for node in ordered])
+    first, second = np.stack([node.before for node in ordered]), np.stack([node.after for node in ordered])
+    rotations = (first[:, None] @ parts @ second[:, None]).transpose(0, 3, 2, 1)
     return Plan(
         parent=parent_rows,
         levels=levels,
         link_node=place[np.array(last, dtype=np.intp)],
-        rotations=_build_rotations(ordered),
+        rotations=np.ascontiguousarray(rotations).reshape(len(ordered), 9, 3),
         angles=_build_linear(
             [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
         ),
@@ -184,14 +187,6 @@ def run_of(rows: Index) -> slice | Index:
     return slice(first, first + len(rows)) if (np.diff(rows) == 1).all() else rows
 
 
-def _build_rotations(nodes: Sequence[_Node]) -> Array:
-    """The constant, sine and cosine parts of all rotations, columns one after the other, (n_nodes, 9, 3)."""
-    parts = np.stack([_STILL if node.turn is None else _TURNING for node in nodes])
-    before, after = np.stack([node.before for node in nodes]), np.stack([node.after for node in nodes])
-    whole: Array = before[:, None] @ parts @ after[:, None]
-    return np.ascontiguousarray(whole.transpose(0, 3, 2, 1)).reshape(len(nodes), 9, 3)
-
-
 def _build_linear(
     constants: Sequence[tuple[float, ...]],
     terms: Sequence[tuple[laws.TermArrays, ...]],
@@ -228,7 +223,7 @@ def _build_linear(
 def split_entries(entries: Sequence[Entry], factors: Sequence[laws.Factor]) -> list[Entry]:
     """The entries that coordinates move, once for each coordinate."""
     return [
-        replace(entry, number=number) if number else entry
+        dataclasses.replace(entry, number=number) if number else entry
         for entry in entries
         if entry.term.factor != laws.NONE
         for number in range(len(factors[entry.term.factor].coordinates))

@@ -7,7 +7,7 @@ Walther 2008, Evaluating Derivatives, ch. 13).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from math import factorial
 
@@ -26,7 +26,7 @@ _SERIES = np.array([2.0**k * factorial(k) ** 2 / factorial(2 * k + 1) for k in r
 class _Series:
     """A truncated Taylor series: coefficient (n,) by the powers of the deviations."""
 
-    terms: Mapping[Powers, Array]
+    terms: abc.Mapping[Powers, Array]
     order: int
 
     def __add__(self, other: _Series | float) -> _Series:
@@ -55,7 +55,7 @@ class _Series:
     def value(self) -> Array:
         return self.terms[self._origin]
 
-    def through(self, derivatives: Sequence[Array]) -> _Series:
+    def through(self, derivatives: abc.Sequence[Array]) -> _Series:
         """A function of the series, by the function's derivatives at its value."""
         away = _Series({k: v for k, v in self.terms.items() if any(k)}, self.order)
         result = _Series({self._origin: derivatives[0]}, self.order)
@@ -82,22 +82,13 @@ def _invert(x: _Series) -> _Series:
     return x.through([(-1.0) ** k * factorial(k) / x.value ** (k + 1) for k in range(x.order + 1)])
 
 
-def _multiply_powers(x: Sequence[_Series], exponents: Sequence[float]) -> _Series:
-    """The product of powers of the coordinates (whole numbers, not negative)."""
-    result = _Series({x[0]._origin: np.ones_like(x[0].value)}, x[0].order)
-    for each, exponent in zip(x, exponents, strict=True):
-        for _ in range(round(exponent)):
-            result = result * each
-    return result
-
-
-def _point_normal(x: Sequence[_Series], _: Sequence[float], axis: int) -> _Series:
+def _point_normal(x: abc.Sequence[_Series], _: abc.Sequence[float], axis: int) -> _Series:
     """A component of the z axis after turns about x and y, both of the frame reached."""
     (sin_a, cos_a), (sin_b, cos_b) = _turn(x[0]), _turn(x[1])
     return (sin_b, sin_a * cos_b * -1.0, cos_a * cos_b)[axis]
 
 
-def _reach_along_arc(x: Sequence[_Series], offsets: Sequence[float], axis: int) -> _Series:
+def _reach_along_arc(x: abc.Sequence[_Series], offsets: abc.Sequence[float], axis: int) -> _Series:
     """A component of the end of an arc of length one and constant curvature that leaves the origin along y.
 
     At its end the tangent is the y axis after turns about x and z (``offsets`` added to the coordinates),
@@ -162,7 +153,11 @@ class Surface:
             for value, unit in zip(x, units, strict=True)
         ]
         if self.kind == "powers":
-            return _multiply_powers(inputs, self.numbers)
+            result = _Series({inputs[0]._origin: one}, order)
+            for each, exponent in zip(inputs, self.numbers, strict=True):
+                for _ in range(round(exponent)):
+                    result = result * each
+            return result
         kind, _, letter = self.kind.partition("_")
         follow = {"normal": _point_normal, "arc": _reach_along_arc}[kind]
         return follow(inputs, self.numbers, "xyz".index(letter))

@@ -17,22 +17,15 @@ the steps shrink slowly along directions that the markers hardly determine.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.least_squares import clusters as clustering
 from scaling_service.numerics.least_squares import elimination
-from scaling_service.numerics.least_squares.clusters import (
-    Clusters,
-    Misfit,
-    compute_curvature_and_wrench,
-    compute_misfit,
-    gather_clusters,
-    weight_markers,
-)
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.tree import Poses, Tree, evaluate_local_positions, pose_links
 
@@ -44,7 +37,7 @@ _FAILED = 1e-2  # chosen: damping where the shorter one did, too; less hardly ch
 _TINY = 1e-10  # share of the total weight (1 m arm) below which a pivot means "not determined"
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SweepSettings:
     """When to stop, and how strongly to damp."""
 
@@ -62,7 +55,7 @@ class SweepSettings:
     close: bool = False  # Whether the start is near enough for second derivatives from the first step on
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class MotionSolution:
     """Coordinates (n_frames, n_coordinates), weighted squared error per frame (m2), and how it ended."""
 
@@ -76,14 +69,14 @@ class MotionSolution:
         return MotionSolution(self.q[rows], self.cost[rows], self.steps[rows], self.converged[rows])
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Problem:
     """A block of frames: the statistics of every link, and what bounds and pulls the coordinates."""
 
     tree: Tree
     plan: elimination.Elimination
     p: Array
-    clusters: Clusters  # by row of the plan
+    clusters: clustering.Clusters  # by row of the plan
     ground: Array
     lower: Array  # (c, 1), as upper: bounds by column
     upper: Array
@@ -91,7 +84,7 @@ class _Problem:
     floor: Array  # (n,) added to every pivot
 
     def take(self, rows: NDArray[np.intp]) -> _Problem:
-        return replace(
+        return dataclasses.replace(
             self,
             clusters=self.clusters.take(rows),
             prior=None if self.prior is None else (self.prior[0][:, rows], self.prior[1][:, rows]),
@@ -99,11 +92,11 @@ class _Problem:
             floor=self.floor[rows],
         )
 
-    def misfit(self, q: Array) -> tuple[Poses, Misfit, Array]:
+    def misfit(self, q: Array) -> tuple[Poses, clustering.Misfit, Array]:
         """Poses, the markers' misfit, and the cost with the coordinates' own tasks, (n,)."""
         poses = pose_links(self.tree, q, self.p, self.ground)
         frames = poses.frames[self.tree.plan.link_node[self.plan.link_of_row]]
-        misfit = compute_misfit(self.clusters, frames[:, :3], frames[:, 3])
+        misfit = clustering.compute_misfit(self.clusters, frames[:, :3], frames[:, 3])
         if self.prior is None:
             return poses, misfit, misfit.cost
         value, weight = self.prior
@@ -191,7 +184,7 @@ def _take_block(
     bounds: tuple[Array, Array],
     prior: tuple[Array, Array] | None,
 ) -> _Problem:
-    heavy = weight_markers(measured, weights)
+    heavy = clustering.weight_markers(measured, weights)
     filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
     of_points = heavy if tree.placed is None else tree.placed[:, None] * heavy
@@ -200,7 +193,7 @@ def _take_block(
     moved = np.moveaxis(filled, 0, -1)
     moved = moved - (middle if tree.placed is None else tree.placed[:, None, None] * middle)
     carrier = plan.row_of_link[tree.marker_link]
-    clusters = gather_clusters(
+    clusters = clustering.gather_clusters(
         carrier, len(tree.links), evaluate_local_positions(tree, p), moved, heavy, tree.placed
     )
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), np.ascontiguousarray(prior[1].T))
@@ -219,7 +212,7 @@ def _take_block(
     )
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(slots=True, eq=False, kw_only=True)
 class _State:
     """The frames still being solved: each array's last axis."""
 
@@ -286,7 +279,9 @@ def _solve_block(
     return q, cost, steps, converged
 
 
-def _evaluate(part: _Problem, trial: Array, state: _State) -> tuple[Poses, Misfit, Array, NDArray[np.bool_]]:
+def _evaluate(
+    part: _Problem, trial: Array, state: _State
+) -> tuple[Poses, clustering.Misfit, Array, NDArray[np.bool_]]:
     """Poses, misfit and cost of a trial, which is drawn back (in place) in frames where it is worse.
 
     First to a part of the way; where that is worse, too, to the best pose so far. Such frames come last.
@@ -308,7 +303,9 @@ def _clip(value: Array, lower: Array, upper: Array) -> Array:
     return bounded
 
 
-def _solve_step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
+def _solve_step(
+    part: _Problem, poses: Poses, misfit: clustering.Misfit, state: _State
+) -> tuple[Array, Array]:
     """One damped step by column, (c, n), and the decrease of the cost it promises, (n,).
 
     Near the minimum, coordinates that their carriers take past a bound are moved just to it, and the step of
@@ -327,11 +324,15 @@ def _solve_step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> 
 
 
 def _eliminate(
-    part: _Problem, misfit: Misfit, twist: Array, state: _State, limits: elimination.Limits
+    part: _Problem,
+    misfit: clustering.Misfit,
+    twist: Array,
+    state: _State,
+    limits: elimination.Limits,
 ) -> tuple[Array, Array]:
     return elimination.solve_step(
         part.plan,
-        compute_curvature_and_wrench(part.clusters, misfit, state.near),
+        clustering.compute_curvature_and_wrench(part.clusters, misfit, state.near),
         twist,
         elimination.PivotDamping(state.damping, part.floor),
         second=state.near,

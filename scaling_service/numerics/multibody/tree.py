@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody import laws
-from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
+from scaling_service.numerics.multibody import plan as plans
 
 CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 """The components of a cross product: i from j and k."""
@@ -53,9 +53,9 @@ class Tree:
         return len(self.marker_link)
 
     @cached_property
-    def plan(self) -> Plan:
+    def plan(self) -> plans.Plan:
         """The order of computation."""
-        return plan_of(self.links, self.factors, self.n_coordinates)
+        return plans.plan_of(self.links, self.factors, self.n_coordinates)
 
     @cached_property
     def shape_groups(self) -> tuple[laws.ShapeGroup, ...]:
@@ -69,7 +69,7 @@ class Tree:
         for k in reversed(range(len(self.links))):
             if self.links[k].parent != laws.NONE:
                 below[self.links[k].parent] |= below[k]
-        return tuple(run_of(np.array(sorted(s), dtype=np.intp)) for s in below)
+        return tuple(plans.run_of(np.array(sorted(s), dtype=np.intp)) for s in below)
 
     @cached_property
     def followed(self) -> NDArray[np.bool_]:
@@ -122,7 +122,7 @@ class Tree:
         return {k: at for k, at in found.items() if k not in (laws.NONE, *taken)}
 
     @cached_property
-    def entries_of_link(self) -> tuple[tuple[Entry, ...], ...]:
+    def entries_of_link(self) -> tuple[tuple[plans.Entry, ...], ...]:
         """For every link the varying terms of its moves, in their order."""
         return tuple(tuple(e for e in self.plan.entries if e.link == k) for k in range(len(self.links)))
 
@@ -170,7 +170,7 @@ def list_rates(tree: Tree, values: laws.Values, term: laws.TermArrays) -> list[t
 class Poses:
     """Frames of all nodes and links for a block of frames."""
 
-    plan: Plan
+    plan: plans.Plan
     # (n_nodes, 4, 3, n_frames): ``frames[node, j]`` is the node's j-th axis in ground, ``frames[node, 3]``
     # its origin (m)
     frames: Array
@@ -196,7 +196,7 @@ class Poses:
         """Origins of all links, shape (n_links, 3, n_frames), m."""
         return self.node_origins[self.plan.link_node]
 
-    def directions(self, entries: Sequence[Entry]) -> Array:
+    def directions(self, entries: Sequence[plans.Entry]) -> Array:
         """Axes or shifts of some entries in ground, (n_entries, 3, n_frames)."""
         parents = self.plan.parent[[entry.node for entry in entries]]
         local = np.array([entry.direction for entry in entries])

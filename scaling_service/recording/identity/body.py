@@ -7,25 +7,19 @@ Several headings and statures are tried.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.compile import (
-    compile_model,
-    free_coordinates,
-    list_coordinate_ranges,
-    list_parameter_values,
-    repeat_default_pose,
-)
 from scaling_service.model.scaling import scale_model
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import solve_motion
-from scaling_service.numerics.multibody.tree import pose_links, pose_markers
 from scaling_service.recording.identity import starts
 from scaling_service.recording.identity.landmarks import STATURE_M, read_body
 
@@ -73,7 +67,7 @@ _BONES = {
 """Segment, and those whose origins are its bone's ends."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StandingBody:
     """A body over the labels of a standing trial.
 
@@ -129,7 +123,7 @@ def _renumber(seen: NDArray[np.intp], known: Mapping[int, str] | None) -> dict[i
 
 
 def _with_numbers_of(seen: NDArray[np.intp], body: StandingBody) -> StandingBody:
-    return replace(body, taken={int(seen[k]): name for k, name in body.taken.items()})
+    return dataclasses.replace(body, taken={int(seen[k]): name for k, name in body.taken.items()})
 
 
 def _bend(
@@ -149,7 +143,7 @@ def _bend(
     names = list(body.marker_names)
     factors = {name: np.full(3, start.stature / STATURE_M) for name in body.segment_names}
     shifts = np.zeros((len(names), 3))
-    q = repeat_default_pose(body, 1)
+    q = compiling.repeat_default_pose(body, 1)
     index = {name: k for k, name in enumerate(body.coordinate_names)}
     q[0, [index[f"pelvis_t{letter}"] for letter in "xyz"]] = start.origin + rotate_about(
         (0.0, 1.0, 0.0), start.heading
@@ -166,7 +160,9 @@ def _bend(
     pull = np.where(rotations, (_PLACED_M / _BENT) ** 2, 0.0)
     wanted = q.copy()
     model = scale_model(body, {n: tuple(f) for n, f in factors.items()})
-    upright = pose_markers(compile_model(model, names), q, list_parameter_values(body))[0]
+    upright = trees.pose_markers(
+        compiling.compile_model(model, names), q, compiling.list_parameter_values(body)
+    )[0]
     pairs = starts.assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
     for k, reach in enumerate(_FINE_M):
         model = scale_model(body, {n: tuple(f) for n, f in factors.items()}) if k else model
@@ -178,17 +174,17 @@ def _bend(
             model = model.with_markers(tuple(moved))
         used = [names[column] for _, column in pairs]
         q = solve_motion(
-            compile_model(model, used),
+            compiling.compile_model(model, used),
             at[[row for row, _ in pairs]][None],
             np.ones(len(used)),
             q,
-            list_parameter_values(model),
-            free=free_coordinates(model),
-            bounds=list_coordinate_ranges(model),
+            compiling.list_parameter_values(model),
+            free=compiling.free_coordinates(model),
+            bounds=compiling.list_coordinate_ranges(model),
             prior=(wanted, pull),
         ).q
-        tree = compile_model(model, names)
-        places = pose_markers(tree, q, list_parameter_values(model))[0]
+        tree = compiling.compile_model(model, names)
+        places = trees.pose_markers(tree, q, compiling.list_parameter_values(model))[0]
         pairs = starts.assign(at, places, names, 2.0 * reach, fixed)
         adrift = _list_adrift(model, {names[column] for _, column in pairs})
         if adrift:
@@ -245,8 +241,8 @@ def _adapt(
 
 def _turn_into_segments(model: BodyModel, q: Array, at: Array) -> dict[str, Array]:
     """Segment to the points (n, 3) in its frame."""
-    tree = compile_model(model)
-    poses = pose_links(tree, np.ascontiguousarray(q.T), list_parameter_values(model))
+    tree = compiling.compile_model(model)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), compiling.list_parameter_values(model))
     link = {m.segment: int(k) for m, k in zip(model.markers, tree.marker_link, strict=True)}
     return {s: (at - poses.origins[k][:, 0]) @ poses.axes[k][:, :, 0].T for s, k in link.items()}
 
@@ -330,13 +326,17 @@ def _list_ends(model: BodyModel, q: Array) -> dict[str, Array]:
     origins = dict(
         zip(
             model.segment_names,
-            pose_markers(compile_model(model.with_markers(tuple(carriers))), q, list_parameter_values(model))[
-                0
-            ],
+            trees.pose_markers(
+                compiling.compile_model(model.with_markers(tuple(carriers))),
+                q,
+                compiling.list_parameter_values(model),
+            )[0],
             strict=True,
         )
     )
-    landmarks = pose_markers(compile_model(model), q, list_parameter_values(model))[0]
+    landmarks = trees.pose_markers(compiling.compile_model(model), q, compiling.list_parameter_values(model))[
+        0
+    ]
     found = {}
     for segment in model.segment_names:
         kind, _, side = segment.partition("_")

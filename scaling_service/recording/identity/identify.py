@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import trial as trials
 from scaling_service.model.anatomy import markers
-from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.recording.identity.body import (
     StandingBody,
@@ -87,8 +87,8 @@ class Identification:
 
 
 def identify(
-    standing: Trial | None,
-    movements: Sequence[Trial],
+    standing: trials.Trial | None,
+    movements: Sequence[trials.Trial],
     *,
     stature: float | None = None,
     landmarks: Mapping[str, str] | None = None,
@@ -105,7 +105,7 @@ def identify(
     names = [
         label
         for label in dict.fromkeys(standing.labels)
-        if not markers.is_computed(markers.strip_prefix(label)) and not is_unlabelled(label)
+        if not markers.is_computed(markers.strip_prefix(label)) and not trials.is_unlabelled(label)
     ]
     if len(names) > MOST_LABELS:
         return Identification({}, None)
@@ -189,7 +189,7 @@ def _look(
     return _Look(body, segments, share, float((share * log).sum()))
 
 
-def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequence[Trial]) -> int:
+def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequence[trials.Trial]) -> int:
     """Whether the knees bend backward over the movements (1), forward (-1), or neither is seen (0).
 
     The lowest labels of thigh and shank stand for knee and ankle, the pelvis's labels for the hips.
@@ -250,7 +250,7 @@ def _measure_apart(at: Array, segment: str, body: StandingBody) -> Array:
     return np.asarray(np.minimum(np.where(beside, depth, np.maximum(depth, nearest / 2.0)), nearest))
 
 
-def _measure_spreads(names: Sequence[str], movements: Sequence[Trial]) -> Array:
+def _measure_spreads(names: Sequence[str], movements: Sequence[trials.Trial]) -> Array:
     """Half the range of the distance of every two labels over the movements, (n, n), m; NaN if unknown."""
     count = len(names)
     spread = np.full((count, count), np.nan)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from itertools import product
 
@@ -44,7 +44,7 @@ class Start:
         return bool(level and not turned and abs(self.stature / other.stature - 1.0) < 0.08)
 
 
-def place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) -> Iterator[Start]:
+def place_rigidly(at: Array, stature: float | None, fixed: abc.Mapping[int, str]) -> abc.Iterator[Start]:
     """The upright body at every heading, each moved and turned over the points nearest to it."""
     body = landmarks.read_body()
     names = list(body.marker_names)
@@ -84,7 +84,7 @@ def place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) ->
 
 
 def assign(
-    at: Array, places: Array, names: list[str], reach: float, fixed: Mapping[int, str]
+    at: Array, places: Array, names: list[str], reach: float, fixed: abc.Mapping[int, str]
 ) -> list[tuple[int, int]]:
     """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``.
 

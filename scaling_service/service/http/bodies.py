@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+import typing
 from collections import abc
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, ParamSpec, TypeVar
 
 import pydantic
 from fastapi import Request
@@ -18,9 +18,9 @@ from scaling_service.service.http import problems
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.errors import TooLarge
 
-P = ParamSpec("P")
-T = TypeVar("T")
-Model = TypeVar("Model", bound=pydantic.BaseModel)
+P = typing.ParamSpec("P")
+T = typing.TypeVar("T")
+Model = typing.TypeVar("Model", bound=pydantic.BaseModel)
 
 SILENCE_S = 60.0
 """Without a byte for so long, a client is taken for gone. Chosen: longer than networks pause."""
@@ -49,7 +49,7 @@ async def read_model(model: type[Model], request: Request, remedy: str) -> Model
         raise RequestInvalid.of(error, remedy) from None
 
 
-async def read_json(request: Request) -> dict[str, Any]:
+async def read_json(request: Request) -> dict[str, typing.Any]:
     """The body as a JSON object."""
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type != "application/json":

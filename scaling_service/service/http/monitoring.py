@@ -9,19 +9,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import fastapi
-from prometheus_client import (
-    CONTENT_TYPE_LATEST,
-    CollectorRegistry,
-    Counter,
-    Gauge,
-    Histogram,
-    generate_latest,
-)
+import prometheus_client
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
+from starlette import types
 from starlette.datastructures import MutableHeaders
 from starlette.requests import ClientDisconnect
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.http import callers, problems
@@ -81,8 +74,11 @@ def metrics(
     request: fastapi.Request, _owner: callers.Owner, _service: callers.ServiceDep
 ) -> fastapi.Response:
     """Give figures in Prometheus' text format."""
-    registry: CollectorRegistry = request.app.state.registry
-    return fastapi.Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+    registry: prometheus_client.CollectorRegistry = request.app.state.registry
+    return fastapi.Response(
+        prometheus_client.generate_latest(registry),
+        headers={"Content-Type": prometheus_client.CONTENT_TYPE_LATEST},
+    )
 
 
 class Recent:
@@ -117,21 +113,23 @@ class JobCounts(Collector):
 class RequestMonitor:
     """Middleware around the whole application: headers, figures, the log, and what becomes of defects."""
 
-    def __init__(self, app: ASGIApp, registry: CollectorRegistry) -> None:
+    def __init__(self, app: types.ASGIApp, registry: prometheus_client.CollectorRegistry) -> None:
         self._app = app
-        self._requests = Counter(
+        self._requests = prometheus_client.Counter(
             "scaling_service_requests", "Requests answered.", ("method", "route", "status"), registry=registry
         )
-        self._seconds = Histogram(
+        self._seconds = prometheus_client.Histogram(
             "scaling_service_request_seconds",
             "Until the answer begins.",
             ("route",),
             buckets=_BUCKETS_S,
             registry=registry,
         )
-        self._open = Gauge("scaling_service_requests_open", "Requests under way.", registry=registry)
+        self._open = prometheus_client.Gauge(
+            "scaling_service_requests_open", "Requests under way.", registry=registry
+        )
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: types.Scope, receive: types.Receive, send: types.Send) -> None:
         """Pass a request on, and look at its answer.
 
         A defect ends as a problem document, and its place in the code in the log; after the answer began it
@@ -143,7 +141,7 @@ class RequestMonitor:
         begun = time.perf_counter()
         status, first_s = 0, 0.0
 
-        async def sending(message: Message) -> None:
+        async def sending(message: types.Message) -> None:
             nonlocal status, first_s
             if message["type"] == "http.response.start":
                 status, first_s = message["status"], time.perf_counter() - begun
@@ -167,7 +165,7 @@ class RequestMonitor:
             whole_s = time.perf_counter() - begun
             self._note(scope, status or 500, first_s if status else whole_s, whole_s)
 
-    def _note(self, scope: Scope, status: int, first_s: float, whole_s: float) -> None:
+    def _note(self, scope: types.Scope, status: int, first_s: float, whole_s: float) -> None:
         """Count it, and write one line without anything of a patient: routes, never paths."""
         route = getattr(scope.get("route"), "path", "none")
         method = scope["method"] if route != "none" else "none"  # a client's own words are endless

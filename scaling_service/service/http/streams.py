@@ -9,8 +9,8 @@ from typing import Any
 
 import fastapi
 from fastapi.responses import StreamingResponse
+from starlette import types
 from starlette.requests import ClientDisconnect
-from starlette.types import Receive, Scope, Send
 
 from scaling_service.service.http.callers import Owner
 from scaling_service.service.http.problems import TooManyRequests
@@ -54,7 +54,7 @@ class BoundedResponse(StreamingResponse):
         super().__init__(content, **options)
         self._longest_s = longest_s
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: types.Scope, receive: types.Receive, send: types.Send) -> None:
         """Send it, in so much time at most."""
         try:
             async with asyncio.timeout(self._longest_s):

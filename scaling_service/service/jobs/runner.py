@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import json
 import logging
@@ -13,7 +14,6 @@ import time
 from collections import abc
 from concurrent import futures
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -51,7 +51,7 @@ _UNKNOWN = Failure(
 )
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclasses.dataclass(slots=True, kw_only=True)
 class RunningAttempt:
     """An attempt that a runner looks after, of a job as it was leased."""
 
@@ -60,7 +60,7 @@ class RunningAttempt:
     folder: attempts.AttemptFolder
     future: futures.Future[outcomes.Outcome]
     beside: bool  # whether it runs beside the workers, in its owner's slot for what is brief
-    begun: float = field(default_factory=time.monotonic)
+    begun: float = dataclasses.field(default_factory=time.monotonic)
 
 
 class Runner:
@@ -120,7 +120,10 @@ class Runner:
                     self._stop_and_report()
                     self._end_finished()
                     if now - self._looked_for_lost > min(often, 1.0) and now >= self._take_back_from:
-                        self._take_back()
+                        # Queue again what dead runners held.
+                        dead = self._lock.dead(jobs.list_holders(self._store.database))
+                        for job in self._ledger.take_back(dead):
+                            log.warning("job taken back", extra={"job": job})
                         self._looked_for_lost = now
                     self._executor = self._executor or self._make_executor()
                     self._start_queued(self._executor)
@@ -232,12 +235,6 @@ class Runner:
             case outcomes.Lost():
                 lost = ledger.report_worker_lost(row, outcome.reason)
                 return self._ledger.settle(row, Event.LOSE, lost, origin)
-
-    def _take_back(self) -> None:
-        """Queue again what dead runners held."""
-        dead = self._lock.dead(jobs.list_holders(self._store.database))
-        for job in self._ledger.take_back(dead):
-            log.warning("job taken back", extra={"job": job})
 
     def _start_queued(self, executor: futures.Executor) -> None:
         """As many jobs as there are workers, and beside them one that is brief of each owner.

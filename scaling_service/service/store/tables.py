@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import base64
 import binascii
+import typing
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.schema import ForeignKeyConstraint
@@ -270,11 +270,11 @@ def make_job_row(row: sa.RowMapping) -> JobRow:
     return JobRow(**dict(row) | read)
 
 
-Item = TypeVar("Item", SubjectRow, JobRow)
+Item = typing.TypeVar("Item", SubjectRow, JobRow)
 
 
 @dataclass(frozen=True, slots=True)
-class Page(Generic[Item]):
+class Page(typing.Generic[Item]):
     """Some rows, newest first, and the cursor of those after them (None at the end)."""
 
     items: tuple[Item, ...]
@@ -283,7 +283,7 @@ class Page(Generic[Item]):
 
 def read_page(
     connection: sa.Connection,
-    statement: sa.Select[Any],
+    statement: sa.Select[typing.Any],
     order: tuple[sa.ColumnElement[int], sa.ColumnElement[str]],
     cursor: str | None,
     limit: int,

@@ -7,8 +7,8 @@ of people (``shared`` sources named beside each), not the product's own tables.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ REACH = {"hip_flexion": 0.45, "hip_adduction": 0.20, "hip_rotation": 0.20, "knee
 """SD of an angle over a movement, rad."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class World:
     """What differs between laboratories and people: factors on the sizes above."""
 
@@ -57,7 +57,7 @@ class World:
     noise_m: float = 0.0003
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Person:
     """The truth, in the frames of the bones, and the recordings.
 
@@ -72,8 +72,8 @@ class Person:
     trials: Mapping[str, tuple[Array, Mapping[str, Array]]]
     centres: Mapping[str, Mapping[str, Array]]
     angles: Mapping[str, Mapping[str, Array]]
-    segments: Mapping[str, str] = field(default_factory=dict)
-    skin: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    segments: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    skin: Mapping[tuple[str, str], Array] = dataclasses.field(default_factory=dict)
 
 
 def _hip(width: float, depth: float, leg: float) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,7 +90,7 @@ _DRIVERS = {"shank": (0, 1), "thigh": (1, 2), "torso": (2,), "arm": (3,), "foot"
 """Coordinates that move the skin of each segment, by number: the joints at its ends."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Squats:
     """One recording of a person."""
 
@@ -101,7 +101,7 @@ class Squats:
     wrench: Array  # (n, 6): the true one, about the ankle
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualSquatter:
     """A person and the recordings."""
 
@@ -167,7 +167,7 @@ def _with_placement(seed: int, model: body.BodyModel, faults: float) -> body.Bod
     def move(marker: body.Marker) -> body.Marker:
         sd = faults * PLACEMENT_M.get(marker.name, PLACEMENT_ELSE_M)
         x, y = np.array(marker.nominal)[:2] + sd * stream(seed, "placement", marker.name).normal(size=2)
-        return replace(
+        return dataclasses.replace(
             body.Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)),
             anatomical=marker.anatomical,
         )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -157,7 +157,7 @@ def _filter_loads(loads: SegmentLoads) -> SegmentLoads:
             flat, rate_hz=squatters.RATE_HZ, cutoff_hz=DYNAMICS_CUTOFF_HZ, order=ORDER
         ).values.reshape(values.shape)
 
-    return replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
+    return dataclasses.replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
 
 
 def compute_inertia_distance(model: BodyModel, truth: BodyModel) -> Array:
@@ -202,7 +202,7 @@ def reproduce_futamure(
     document = documents.FutamureDocument(
         source=SOURCE,
         code_version=code_version(),
-        settings=asdict(ConsistentSettings()),
+        settings=dataclasses.asdict(ConsistentSettings()),
         seed=seed,
         persons=claims.study_persons(
             study_squatter, seed, count, worker_count=worker_count, finished=finished

@@ -6,9 +6,9 @@ closed form is tested against. Results do not depend on the executor.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -38,7 +38,7 @@ CHUNK = 125
 _PILOTS = 3  # motions that the largest perturbation is found with; their errors differ by few per cent
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MotionDatabase:
     """Perturbed motions, reduced to what is asked of them."""
 
@@ -49,7 +49,7 @@ class MotionDatabase:
     indicators: Array  # (n, 6)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Level:
     """Motions whose reconstruction error is uniform between the reference's and this much more."""
 
@@ -157,7 +157,7 @@ def _push(plates: uncertainty_plates.PressedPlates, seed: int, trial: str, numbe
     return rms
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class UncertaintySettings:
     """How uncertainty is sampled."""
 
@@ -167,7 +167,7 @@ class UncertaintySettings:
     # times the samples. The paper does not say how many it had.
     motions: int | None = None
     noise_on: references.NoiseOn = "rotations"  # coordinates that are perturbed; see ``NoiseOn``
-    plates: uncertainty_plates.PlateNoise = field(default_factory=uncertainty_plates.PlateNoise)
+    plates: uncertainty_plates.PlateNoise = dataclasses.field(default_factory=uncertainty_plates.PlateNoise)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -187,7 +187,7 @@ class UncertaintySettings:
         return PER_SAMPLE * self.samples if self.motions is None else self.motions
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SampledUncertainty(totals.WrenchUncertainty):
     """A residual's uncertainty with the levels that were drawn."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import typing
 
 import numpy as np
 import pydantic
@@ -15,7 +15,7 @@ from scaling_service.studies import claims
 _DIGITS = 8
 
 
-def _to_plain(values: Any) -> Any:
+def _to_plain(values: typing.Any) -> typing.Any:
     """Arrays as tuples."""
     return tuple(values.tolist()) if isinstance(values, np.ndarray) else values
 
@@ -25,13 +25,13 @@ def _round_digits(value: float) -> float:
     return float(f"{value:.4g}") if abs(value) < 1e-4 else round(value, _DIGITS)
 
 
-_Number = Annotated[float, pydantic.AfterValidator(_round_digits)]
-Six = Annotated[
+_Number = typing.Annotated[float, pydantic.AfterValidator(_round_digits)]
+Six = typing.Annotated[
     tuple[_Number, _Number, _Number, _Number, _Number, _Number], pydantic.BeforeValidator(_to_plain)
 ]
 """fx, fy, fz over body weight, mx, my, mz over body weight times stature; X forward, Y up, Z right."""
 
-SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], pydantic.BeforeValidator(_to_plain)]
+SixFlags = typing.Annotated[tuple[bool, bool, bool, bool, bool, bool], pydantic.BeforeValidator(_to_plain)]
 
 
 class IdentificationEntry(Part):
@@ -123,7 +123,7 @@ class PersonEntry(PropagatedEntry):
 class Muller2017Document(claims.StudyDocument):
     """``study.json``."""
 
-    study: Literal["muller2017"] = "muller2017"
+    study: typing.Literal["muller2017"] = "muller2017"
     persons: list[PersonEntry]
     recordings: list[PropagatedEntry] = pydantic.Field(
         description="Real ones, if given; claims leave them out."

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,7 @@ from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty import total
-from scaling_service.capabilities.dynamics.uncertainty.markers import (
-    choose_frames,
-    propagate_marker_errors,
-)
+from scaling_service.capabilities.dynamics.uncertainty.markers import choose_frames, propagate_marker_errors
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
@@ -83,7 +80,7 @@ def study_person(
     person = excitation.make_excited_person(seed, recorded)
     performance = person.performances["in_order"]
     recording = performance.recording
-    found = monte_carlo.propagate_by_samples(recording, replace(settings, seed=seed))
+    found = monte_carlo.propagate_by_samples(recording, dataclasses.replace(settings, seed=seed))
     linear = total.propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
     markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
@@ -221,12 +218,12 @@ def reproduce_muller2017(
         worker_count=worker_count,
         finished=finished,
     )
-    chosen = {**asdict(settings), "levels": list(settings.levels)}
+    chosen = {**dataclasses.asdict(settings), "levels": list(settings.levels)}
     del chosen["seed"]
     document = documents.Muller2017Document(
         source=SOURCE,
         code_version=code_version(),
-        settings={**chosen, "database": settings.database_size, "recorded": asdict(recorded)},
+        settings={**chosen, "database": settings.database_size, "recorded": dataclasses.asdict(recorded)},
         seed=settings.seed,
         persons=persons,
         recordings=real,

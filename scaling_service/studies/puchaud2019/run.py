@@ -8,9 +8,9 @@ its markers.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections import abc
-from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from scaling_service.capabilities.cohort import summary as cohort_summary
@@ -81,7 +81,7 @@ _CENTRES: abc.Mapping[str, body.Vector] = {
 """Of the right hip in the pelvis and the right knee in the thigh, m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualPerson:
     """A person drawn from the literature's spread, truth known; with or without images.
 
@@ -89,8 +89,8 @@ class VirtualPerson:
     """
 
     seed: int
-    settings: VirtualSettings = field(default_factory=VirtualSettings)
-    groups: abc.Mapping[str, str] = field(default_factory=dict)
+    settings: VirtualSettings = dataclasses.field(default_factory=VirtualSettings)
+    groups: abc.Mapping[str, str] = dataclasses.field(default_factory=dict)
     images: bool = False
     generic: Generic = "mean"
 
@@ -108,7 +108,7 @@ class VirtualPerson:
         """Record the person, and scale."""
         session, person = make_demo_session(self.seed, self.settings, images=self.images)
         if self.generic == "custom":
-            session = replace(session, model=make_custom_legs(session.model))
+            session = dataclasses.replace(session, model=make_custom_legs(session.model))
         results = run(Loaded(session=session), methods, settings, progress=progress)
         return Done(cohort_summary.summarise(results, cohort_summary.Truth(person.model, person.motions)))
 
@@ -125,7 +125,7 @@ def make_custom_legs(mean: body.BodyModel) -> body.BodyModel:
     for segment, place in _CENTRES.items():
         for letter, side in (("r", 1.0), ("l", -1.0)):
             model = placement.with_centre(model, f"{segment}_{letter}", _mirror_side(place, k, side))
-    return replace(model, name=f"{mean.name}, as CusToM")
+    return dataclasses.replace(model, name=f"{mean.name}, as CusToM")
 
 
 def _mirror_side(place: body.Vector, k: float, side: float) -> body.Vector:

@@ -8,7 +8,7 @@ the pelvis.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +52,7 @@ STEP_M = 3e-3
 MARKER_RADIUS_M = 7e-3
 """Puchaud 2019: markers of 14 mm."""
 
-SKIN_M: Mapping[str, float] = {"ASIS": 5e-3, "PSIS": 8e-3, "FH": 4e-3, "LM": 3e-3, "MM": 3e-3}
+SKIN_M: abc.Mapping[str, float] = {"ASIS": 5e-3, "PSIS": 8e-3, "FH": 4e-3, "LM": 3e-3, "MM": 3e-3}
 """From bone to skin: chosen for lean persons, thinner than the 9.7 (7.0) and 19.6 (10.9) mm over anterior
 and posterior spines in patients (Mantovani 2016). Over the epicondyles it is what their breadth leaves."""
 
@@ -160,15 +160,15 @@ Faces = NDArray[np.intp]
 class PersonBones:
     """Meshes and what is true of them, each in its segment's frame, m."""
 
-    meshes: Mapping[str, tuple[Array, Faces]]
+    meshes: abc.Mapping[str, tuple[Array, Faces]]
     """``pelvis``, ``femur_r``, ``tibia_r`` (with the fibula as a second shell), ``femur_l``, ``tibia_l``
     to vertices (n, 3) and faces (m, 3), closed and facing outwards."""
-    landmarks: Mapping[str, tuple[str, Array]]
+    landmarks: abc.Mapping[str, tuple[str, Array]]
     """Points on bone by the name of the marker that is put on them, to (segment, position)."""
 
 
 def make_virtual_bones(
-    person: subject.VirtualSubject, *, progress: Callable[[str], None] | None = None
+    person: subject.VirtualSubject, *, progress: abc.Callable[[str], None] | None = None
 ) -> PersonBones:
     """Make the bones of a person.
 
@@ -215,8 +215,8 @@ def _build_leg(
     shape: leg.LegShape,
     side: leg.Side,
     landmarks: dict[str, tuple[str, Array]],
-    report: Callable[[str], None],
-) -> Iterator[tuple[str, tuple[Array, Faces]]]:
+    report: abc.Callable[[str], None],
+) -> abc.Iterator[tuple[str, tuple[Array, Faces]]]:
     """Femur and tibia, built as a right leg's."""
     lengths, letter = measure_segment_lengths(person.model), side.upper()
     sign = 1.0 if side == "r" else -1.0

@@ -8,7 +8,7 @@ is what counts, is where it should be.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -37,7 +37,7 @@ class Shape:
 
     low: Array
     high: Array
-    distance: Callable[[Array], Array]
+    distance: abc.Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +142,7 @@ def grow_shape(shape: Shape, by: float) -> Shape:
     return Shape(shape.low - by, shape.high + by, lambda points: shape.distance(points) - by)
 
 
-def join_parts(parts: Sequence[Part]) -> Shape:
+def join_parts(parts: abc.Sequence[Part]) -> Shape:
     """Parts put together, one after the other.
 
     Its distance is only right in sign where every part is further away than its blend.
@@ -175,7 +175,7 @@ def place_at_mm(at: ArrayLike, w: float) -> Array:
     return 1e-3 * w * np.asarray(at, dtype=float)
 
 
-def make_chain(points: ArrayLike, radii: Sequence[float]) -> Shape:
+def make_chain(points: ArrayLike, radii: abc.Sequence[float]) -> Shape:
     """A bent rod from point to point (n, 3), m, as thick at each as ``radii`` says."""
     at = np.asarray(points, dtype=float)
     pieces = zip(at, at[1:], radii, radii[1:], strict=False)

@@ -8,24 +8,16 @@ several times its size, and the problem has one form only.
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field, replace
 
 import clarabel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from scaling_service.capabilities.dynamics.inertia import evidence as weighing
 from scaling_service.capabilities.dynamics.inertia import parameters as inertia_parameters
-from scaling_service.capabilities.dynamics.inertia.evidence import (
-    N_COMPONENTS,
-    ForceRecording,
-    WrenchEquations,
-    estimate_noise,
-    gather,
-    gather_evidence,
-    weigh_errors,
-)
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
@@ -60,7 +52,7 @@ WORSE = 1.01
 """Growth of the held-out error that is reported (chosen: less is beyond what such figures can tell)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Body:
     """What one segment's parameters must obey."""
 
@@ -182,11 +174,11 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
     return tuple(bodies)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class IdentificationSettings:
     """How inertia is identified."""
 
-    spread: inertia_parameters.PriorSpread = field(default_factory=inertia_parameters.PriorSpread)
+    spread: inertia_parameters.PriorSpread = dataclasses.field(default_factory=inertia_parameters.PriorSpread)
     mass_known: bool = True  # whether the total mass stays; else the plates tell it
     symmetric: bool = True  # whether left and right change alike
     # identify even where no component of the wrench supports it; it becomes a warning
@@ -195,9 +187,9 @@ class IdentificationSettings:
 
 def identify_inertia(
     model: BodyModel,
-    fitted: abc.Sequence[ForceRecording],
+    fitted: abc.Sequence[weighing.ForceRecording],
     *,
-    held_out: abc.Sequence[ForceRecording] = (),
+    held_out: abc.Sequence[weighing.ForceRecording] = (),
     supported: ArrayLike | None = None,
     noise: ArrayLike | None = None,
     settings: IdentificationSettings = IdentificationSettings(),
@@ -261,7 +253,7 @@ def identify_inertia(
     else:
         tensors = np.array([tensor for tensor, _ in nearest])
         said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
-        model, repaired = inertia.with_inertias(model, replace(inertias, tensor=tensors)), [said]
+        model, repaired = inertia.with_inertias(model, dataclasses.replace(inertias, tensor=tensors)), [said]
     if not fitted:
         raise errors.InputError(
             "there is no recording to identify inertia from",
@@ -271,8 +263,8 @@ def identify_inertia(
     prior = inertia_parameters.make_inertial_prior(
         model, settings.spread, mass_known=settings.mass_known, symmetric=settings.symmetric
     )
-    evidence = [gather_evidence(model, recording) for recording in fitted]
-    checks = [gather_evidence(model, recording) for recording in held_out]
+    evidence = [weighing.gather_evidence(model, recording) for recording in fitted]
+    checks = [weighing.gather_evidence(model, recording) for recording in held_out]
     solution = _solve(model, prior, evidence, components, None if noise is None else np.asarray(noise, float))
     changed = inertia.with_inertias(
         model, motion.Inertias.of_parameters(prior.mean + solution.change.reshape(-1, motion.N_PARAMETERS))
@@ -311,7 +303,7 @@ def identify_inertia(
             f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
             "keep the inertia that it started from"
         )
-    return replace(result, warnings=(*of_components, *repaired, *notes))
+    return dataclasses.replace(result, warnings=(*of_components, *repaired, *notes))
 
 
 def _choose_components(
@@ -319,7 +311,7 @@ def _choose_components(
 ) -> tuple[NDArray[np.bool_], list[str]]:
     """The components that count, and what is to be said about them."""
     if supported is None:
-        return np.ones(N_COMPONENTS, dtype=bool), []
+        return np.ones(weighing.N_COMPONENTS, dtype=bool), []
     components = np.asarray(supported, dtype=bool)
     if components.any():
         return components, []
@@ -330,26 +322,26 @@ def _choose_components(
             field="inertia",
             remedy="Keep the table's inertia, or record a livelier movement with smaller marker errors",
         )
-    return np.ones(N_COMPONENTS, dtype=bool), [f"{said}; it was identified all the same"]
+    return np.ones(weighing.N_COMPONENTS, dtype=bool), [f"{said}; it was identified all the same"]
 
 
 def _solve(
     model: BodyModel,
     prior: inertia_parameters.InertialPrior,
-    evidence: abc.Sequence[WrenchEquations],
+    evidence: abc.Sequence[weighing.WrenchEquations],
     components: NDArray[np.bool_],
     noise_known: Array | None,
 ) -> inertia_parameters.Solution:
     """The parameters, with the noise that is known or most likely."""
     assumed = noise_known if noise_known is not None else np.repeat([1.0, ARM_M], 3)
-    information, slope = gather(evidence, assumed, components)
+    information, slope = weighing.gather(evidence, assumed, components)
     free = prior.scale @ prior.basis
     gains, vectors = np.linalg.eigh(free.T @ information @ free)
     slopes = vectors.T @ (free.T @ slope)
     size = (
         1.0
         if noise_known is not None
-        else estimate_noise(gains, slopes, *weigh_errors(evidence, assumed, components))
+        else weighing.estimate_noise(gains, slopes, *weighing.weigh_errors(evidence, assumed, components))
     )
     gains, slopes = gains / size**2, slopes / size**2
     kept = np.flatnonzero(gains > DECIDES)[::-1]

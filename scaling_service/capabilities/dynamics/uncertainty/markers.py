@@ -20,9 +20,8 @@ from scaling_service.capabilities.dynamics.uncertainty import reference as refer
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model import inertia
+from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody import tree as trees
-from scaling_service.numerics.multibody.motion import N_PARAMETERS
-from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_regressor_blocks
@@ -239,12 +238,12 @@ def choose_frames(
     # Window number to its information in units of what a table leaves open
     rows, q = uncertainty.frames[picked], reference.q.T
     first, second = differentiate_spline(recording.motion.times, q)
-    rates = Rates.of_frames(q[rows], first[rows], second[rows])
+    rates = motion.Motion.of_frames(q[rows], first[rows], second[rows])
     blocks = compute_regressor_blocks(inertia.compile_mechanism(recording.model), rates, reference.p)
     regressor = np.concatenate([block.ground for block in blocks])
     # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
     inertias = inertia.gather_inertias(recording.model)
-    result = np.empty((len(inertias.mass), N_PARAMETERS))
+    result = np.empty((len(inertias.mass), motion.N_PARAMETERS))
     mass = inertias.mass
     result[:, 0] = MASS_SHARE * mass
     result[:, 1:4] = PLACE_M * mass[:, None]

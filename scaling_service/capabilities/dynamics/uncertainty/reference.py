@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -42,7 +42,7 @@ def make_trees(
     centres = tuple(body.Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
     whole = compiling.compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
     count = len(markers)
-    alone = replace(
+    alone = dataclasses.replace(
         whole,
         marker_link=whole.marker_link[:count],
         marker_local=whole.marker_local[:count],
@@ -76,7 +76,7 @@ one's as well; the paper's vertical one is about half of the horizontal ones (fi
 makes it here."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LoadedMotion:
     """One recording with its external loads."""
 
@@ -91,7 +91,7 @@ class LoadedMotion:
     order: int = inverse_dynamics.ORDER
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Reference:
     """The reference data as arrays, frames last."""
 
@@ -210,7 +210,7 @@ class Reference:
         return rms
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class LowPass:
     """The zero-phase Butterworth filter of inverse dynamics."""
 

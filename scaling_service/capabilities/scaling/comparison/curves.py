@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,18 +18,13 @@ from scaling_service.model.anatomy import frames
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.statistics import waveforms
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
-from scaling_service.numerics.statistics.waveforms import Curves as CohortCurves
-from scaling_service.numerics.statistics.waveforms import (
-    WaveformSettings,
-    compare_waveforms,
-    normalise_cycles,
-)
 
 _JOINTS = ("hip", "knee", "ankle")
 """How the names of a leg's coordinates begin. Puchaud 2019 (section 2.3) compares hips and knees."""
 
-TESTS = WaveformSettings(rearrangements=2000)
+TESTS = waveforms.WaveformSettings(rearrangements=2000)
 """Chosen: enough for a p of 5 % to be 5 ± 0.5 %, and a quarter of a second for all angles."""
 
 _FEWEST_TESTED = 2
@@ -38,7 +33,7 @@ Motions = abc.Mapping[str, abc.Mapping[str, Motion]]
 """Method to trial to motion."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Curves:
     """One quantity of one trial by method, mm or degrees, at the times ``x``, s; NaN where unknown."""
 
@@ -49,7 +44,7 @@ class Curves:
     values: abc.Mapping[str, Array]
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CycleCurves:
     """A joint angle over the gait cycle, by each method.
 
@@ -63,7 +58,7 @@ class CycleCurves:
     sd: abc.Mapping[str, Array]
     n_cycles: int
     anova: CurveTest | None = None
-    pairs: abc.Mapping[str, CurveTest] = field(default_factory=dict)
+    pairs: abc.Mapping[str, CurveTest] = dataclasses.field(default_factory=dict)
 
     def describe(self, digits: int) -> dict[str, Any]:
         """Curves and test as documents hold them, but for the pairs."""
@@ -84,7 +79,7 @@ def describe_test(test: CurveTest | None) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Gait:
     """Joint angles over the gait cycles of one person.
 
@@ -101,7 +96,7 @@ class Gait:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class StrideCurves:
     """Mean curves of one subject.
 
@@ -149,8 +144,8 @@ def _make_cycle_curves(angle: str, values: Array, reference: str, results: Resul
     mean, spread = values.mean(axis=0), values.std(axis=0, ddof=1 if n > 1 else 0)
     anova, pairs = None, {}
     if n >= _FEWEST_TESTED and len(methods) >= 2:
-        tested = compare_waveforms(
-            CohortCurves(angle, tuple(f"cycle {k + 1}" for k in range(n)), methods, values),
+        tested = waveforms.compare_waveforms(
+            waveforms.Curves(angle, tuple(f"cycle {k + 1}" for k in range(n)), methods, values),
             stream(results.settings.seed, f"report {angle}"),
             reference=reference,
             settings=TESTS,
@@ -230,7 +225,7 @@ def _cut_strides(
         table, named = np.stack(columns, axis=1), [*names] * len(methods)
         for cycle in found.cycles:
             try:
-                (curves,) = normalise_cycles(trial.times, table, [cycle], named, trial=trial.name)
+                (curves,) = waveforms.normalise_cycles(trial.times, table, [cycle], named, trial=trial.name)
             except TrialUnusable as error:
                 why.append(error.problem)
             else:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import abc
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ TONES: abc.Mapping[Strength, Tone] = {"decided": "good", "leaning": "fair", "und
 """Whether recordings and images say more of the person than people in general do, less, or contradict it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Following:
     """How closely a model follows markers over several trials, each trial counting the same, m.
 
@@ -30,7 +30,7 @@ class Following:
     max: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Moment:
     """Where and when a marker is farthest from a model's, m and s."""
 
@@ -40,7 +40,7 @@ class Moment:
     distance: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class MethodEvidence:
     """What is known of one method's model.
 
@@ -63,10 +63,10 @@ class MethodEvidence:
     worst: Moment | None = None
     fitted: Following | None = None
     held_out: Following | None = None
-    lengths: abc.Mapping[str, float] = field(default_factory=dict)
-    length_sds: abc.Mapping[str, float] = field(default_factory=dict)
-    centre_sds: abc.Mapping[str, float] = field(default_factory=dict)
-    angle_sds: abc.Mapping[str, float] = field(default_factory=dict)
+    lengths: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)
+    length_sds: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)
+    centre_sds: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)
+    angle_sds: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)
     by_people: tuple[str, ...] = ()
     stops: tuple[str, ...] = ()
 
@@ -76,7 +76,7 @@ class MethodEvidence:
         return self.held_out or self.fitted
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Evidence:
     """What is known of all methods' models of one person.
 
@@ -89,7 +89,7 @@ class Evidence:
 
     methods: tuple[MethodEvidence, ...]
     imaged: frozenset[str] = frozenset()
-    usual_lengths: abc.Mapping[str, float] = field(default_factory=dict)
+    usual_lengths: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)
     contradictions: tuple[str, ...] = ()
 
     @property
@@ -98,7 +98,7 @@ class Evidence:
         return next((m for m in self.methods if m.from_images), None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """Which method to use for a person, why, and how far to trust it.
 

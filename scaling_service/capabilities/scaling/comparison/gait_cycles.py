@@ -12,7 +12,6 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.clinical_angles import Cycle
 from scaling_service.core.arrays import Array
@@ -250,16 +249,12 @@ def _find_peaks(times: Array, ahead: Array, rise: float) -> tuple[float, ...]:
     )
     rows = found - 1
     inner = (times[rows] >= times[0] + _EDGE_S) & (times[rows] <= times[-1] - _EDGE_S)
-    return tuple(float(t) for t in _interpolate_peaks(times, ahead, rows[inner], frame_s))
-
-
-def _interpolate_peaks(times: Array, ahead: Array, rows: NDArray[np.intp], frame_s: float) -> Array:
-    """Where the parabolas through the peaks and the frames beside them have their tops, s."""
+    rows = rows[inner]
+    # Parabolas through the peaks and the frames beside them
     before, at, after = ahead[rows - 1], ahead[rows], ahead[rows + 1]
     bend = before - 2.0 * at + after
     shift = np.where(bend < 0.0, 0.5 * (before - after) / np.where(bend < 0.0, bend, -1.0), 0.0)
-    exact: Array = times[rows] + frame_s * np.clip(shift, -0.5, 0.5)
-    return exact
+    return tuple(float(t) for t in times[rows] + frame_s * np.clip(shift, -0.5, 0.5))
 
 
 def _measure_progress(times: Array, way: Array, cycle: Cycle) -> float:

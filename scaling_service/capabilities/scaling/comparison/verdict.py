@@ -10,13 +10,7 @@ import math
 from collections import abc
 from typing import Literal
 
-from scaling_service.capabilities.scaling.comparison.evidence import (
-    Evidence,
-    MethodEvidence,
-    Moment,
-    Strength,
-    Verdict,
-)
+from scaling_service.capabilities.scaling.comparison import evidence as judging
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
@@ -44,7 +38,7 @@ Graded = tuple[Level, str]
 """How far to trust something, and why."""
 
 
-def judge(evidence: Evidence) -> Verdict:
+def judge(evidence: judging.Evidence) -> judging.Verdict:
     """The verdict on a person's scaled models.
 
     ``evidence``: of at least one method.
@@ -54,11 +48,11 @@ def judge(evidence: Evidence) -> Verdict:
     --------
     >>> from scaling_service.capabilities.scaling.comparison.evidence import Following
     >>> near, far = Following(0.004, 0.012), Following(0.009, 0.025)
-    >>> fitted = MethodEvidence(method="MB_lam", held_out=near)
-    >>> weighed = MethodEvidence(
+    >>> fitted = judging.MethodEvidence(method="MB_lam", held_out=near)
+    >>> weighed = judging.MethodEvidence(
     ...     method="MAP", skin=1.1, held_out=far, length_sds={"femur_r": 0.008}, angle_sds={"hip": 0.05}
     ... )
-    >>> found = judge(Evidence((fitted, weighed)))
+    >>> found = judge(judging.Evidence((fitted, weighed)))
     >>> found.method, found.strength, found.headline
     ('MAP', 'decided', 'Use MAP for this person: lengths to ± 8 mm, joint angles to ± 2.9°.')
     """
@@ -83,7 +77,7 @@ def judge(evidence: Evidence) -> Verdict:
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
         doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
-    strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
+    strength: judging.Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
     why = [f"{stop}." for stop in chosen.stops]
     if chosen.method == ANSWER:
         images = "images, " if evidence.imaged else ""
@@ -103,7 +97,7 @@ def judge(evidence: Evidence) -> Verdict:
             "no merit: what is free takes up skin, and of virtual persons such models are further from the "
             "bones."
         )
-    return Verdict(
+    return judging.Verdict(
         method=chosen.method,
         strength=strength,
         headline=_write_headline(chosen, strength, evidence),
@@ -112,7 +106,7 @@ def judge(evidence: Evidence) -> Verdict:
     )
 
 
-def _describe_moment(worst: Moment | None) -> str:
+def _describe_moment(worst: judging.Moment | None) -> str:
     if worst is None:
         return ""
     distance = f"{1e3 * worst.distance:.0f} mm"
@@ -123,7 +117,9 @@ def _describe_unusual(lengths: tuple[str, ...]) -> str:
     return f"{list_few(lengths)} would be unusual for the person's height."
 
 
-def _write_headline(chosen: MethodEvidence, strength: Strength, evidence: Evidence) -> str:
+def _write_headline(
+    chosen: judging.MethodEvidence, strength: judging.Strength, evidence: judging.Evidence
+) -> str:
     if chosen.method != ANSWER:
         return f"{chosen.method} is one estimate of several: compute {ANSWER} to know how far to trust it."
     if strength == "undecided":
@@ -143,7 +139,7 @@ def _write_headline(chosen: MethodEvidence, strength: Strength, evidence: Eviden
     return f"Use {ANSWER} for this person{said}."
 
 
-def rate_trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:
+def rate_trust(chosen: judging.MethodEvidence, evidence: judging.Evidence) -> tuple[TrustNote, ...]:
     """One line each for markers, for lengths and joint centres, and for joint angles."""
     topics = {
         "Following the markers": _rate_markers(chosen),
@@ -153,7 +149,7 @@ def rate_trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, .
     return tuple(TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items())
 
 
-def _rate_markers(chosen: MethodEvidence) -> Graded:
+def _rate_markers(chosen: judging.MethodEvidence) -> Graded:
     judged = chosen.judged_on
     if judged is None:
         return "unknown", "No movement was recorded."
@@ -168,7 +164,7 @@ def _rate_markers(chosen: MethodEvidence) -> Graded:
     )
 
 
-def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+def _rate_geometry(chosen: judging.MethodEvidence, evidence: judging.Evidence) -> Graded:
     if evidence.contradictions:
         return "poor", f"What they rest on contradicts itself: {evidence.contradictions[0]}."
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
@@ -185,7 +181,7 @@ def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     return _grade(max(chosen.length_sds.values(), default=math.inf), LENGTH_GOOD, LENGTH_FAIR), text
 
 
-def _rate_angles(chosen: MethodEvidence) -> Graded:
+def _rate_angles(chosen: judging.MethodEvidence) -> Graded:
     if not chosen.angle_sds:
         return "unknown", "Their deviations are not known here: see `ik`."
     sds: abc.Mapping[str, float] = chosen.angle_sds

@@ -7,8 +7,8 @@ expressed in ground in one posture, the standing one: the segments' poses are mo
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -43,7 +43,7 @@ SHARPEST = 0.5
 """Chosen: ratio of the two smallest singular values beyond which no direction stands out as an axis."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Cluster:
     """The markers of one segment where they are in the posture: ``local`` is (n_markers, 3), m."""
 
@@ -72,7 +72,7 @@ class Cluster:
         return tuple(label for label in self.labels if label in found)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Posture:
     """A person in one posture.
 
@@ -124,7 +124,7 @@ class Posture:
         return Trial(name="posture", times=np.zeros(1), labels=labels, markers=places, rate_hz=1.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class FunctionalJoints:
     """What functional movements say of a person's joints.
 
@@ -135,8 +135,8 @@ class FunctionalJoints:
     """
 
     posture: Posture
-    hips: abc.Mapping[str, Array] = field(default_factory=dict)
-    knees: abc.Mapping[str, Array] = field(default_factory=dict)
+    hips: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
+    knees: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def hip_in(self, trial: Trial, side: str) -> Array:

@@ -8,21 +8,21 @@ images, and everything beside the legs, is sized as in persons with such bones, 
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods import (
     image_points,
+    imaged_pelvis,
     osim_image_based,
     people_prior,
     placement,
 )
 from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
-from scaling_service.capabilities.scaling.methods.imaged_pelvis import PelvisFit, fit_pelvis
-from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
+from scaling_service.capabilities.scaling.sizes import sizing as personal_sizes
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import list_few
@@ -40,7 +40,7 @@ _STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far fo
 _WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Leg:
     """One leg as imaged: frames of thigh and shank, and the knee's axis in the thigh; None without ankle."""
 
@@ -56,7 +56,12 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     axis = evidence.axes.get(f"knee_{side}")
     lateral, medial = image_points.find_epicondyles(evidence, side, knee)
     femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
-    femur = _turn_through(femur, hip, knee)
+    # Turned as little as needed for its y to run from the knee to the hip centre: the midpoint of the
+    # epicondyles, from which the ISB takes y, is not the knee centre of the image.
+    y = (hip - knee) / np.linalg.norm(hip - knee)
+    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
+    z /= np.linalg.norm(z)
+    femur = Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = parameters.tilt_of(direction if direction[2] > 0.0 else -direction)
     below = _to_vector(femur.to_local(knee)[0])
@@ -65,17 +70,6 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     ankle = np.array(evidence.centres[f"ankle_{side}"])
     tibia = _carry_shank(femur, knee, ankle, tilt)
     return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
-
-
-def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
-    """The frame turned as little as needed for its y to run from the knee to the hip centre.
-
-    The midpoint of the epicondyles, from which the ISB takes y, is not the knee centre of the image.
-    """
-    y = (hip - knee) / np.linalg.norm(hip - knee)
-    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
-    z /= np.linalg.norm(z)
-    return Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
 
 
 def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt) -> Frames:
@@ -105,22 +99,14 @@ def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:
     return model if leg.ankle is None else placement.move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
-def _with_hips(model: body.BodyModel, pelvis: PelvisFit) -> body.BodyModel:
-    """Both hips where the image shows them in the pelvis."""
-    for side, at in pelvis.hips.items():
-        if f"femur_{side}" in model.segment_names:
-            model = placement.with_centre(model, f"femur_{side}", _to_vector(pelvis.image.to_local(at)[0]))
-    return model
-
-
-def _fit_pelvis(session: Session, start: results.Calibration, image: Frames) -> PelvisFit:
+def _fit_pelvis(session: Session, start: results.Calibration, image: Frames) -> imaged_pelvis.PelvisFit:
     """The start's pelvis against the image's; people's widths and depths say how directions differ."""
     assert session.images is not None
     name = str(find_segment(start.model, "pelvis", ""))
-    expected, size = expect_dimensions(session.subject), start.sizes.get(name)
+    expected, size = personal_sizes.expect_dimensions(session.subject), start.sizes.get(name)
     rows = [expected.names.index(dimension) for dimension in ("pelvis_width", "pelvis_depth")]
     ratio = np.array([1.0, -1.0]) @ expected.covariance[np.ix_(rows, rows)] @ np.array([1.0, -1.0])
-    return fit_pelvis(
+    return imaged_pelvis.fit_pelvis(
         start.model,
         name,
         session.images,
@@ -135,7 +121,7 @@ def _bring_onto_bones(
     evidence: trial.ImageEvidence,
     parts: image_points.ImagedParts,
     standing: trial.Trial | None,
-    pelvis: PelvisFit | None,
+    pelvis: imaged_pelvis.PelvisFit | None,
 ) -> results.Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
     sides = parts.thighs
@@ -144,7 +130,11 @@ def _bring_onto_bones(
     if pelvis is not None:
         osim_image_based.register_pelvis(found, pelvis)
     for side in sides:
-        osim_image_based.register_leg(found, evidence, side, _find_rightward(evidence, side))
+        # From the left to the right epicondyle, or along the flexion axis.
+        at = np.array(evidence.centres[f"knee_{side}"])
+        lateral, medial = image_points.find_epicondyles(evidence, side, at)
+        rightward = lateral - medial if side == "r" else medial - lateral
+        osim_image_based.register_leg(found, evidence, side, rightward)
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
     for side in others:
         osim_image_based.mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
@@ -185,14 +175,6 @@ def _bring_onto_bones(
             n: size for n, size in start.sizes.items() if n not in found.ratios.keys() | found.poses.keys()
         },
     )
-
-
-def _find_rightward(evidence: trial.ImageEvidence, side: str) -> Array:
-    """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
-    lateral, medial = image_points.find_epicondyles(
-        evidence, side, np.array(evidence.centres[f"knee_{side}"])
-    )
-    return lateral - medial if side == "r" else medial - lateral
 
 
 def _list_osim_notes(
@@ -238,7 +220,7 @@ def _list_osim_notes(
 
 
 def _list_factors(
-    start: results.Calibration, model: body.BodyModel, pelvis: PelvisFit | None
+    start: results.Calibration, model: body.BodyModel, pelvis: imaged_pelvis.PelvisFit | None
 ) -> dict[str, body.Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
     generic, now = measure_segment_lengths(start.generic), measure_segment_lengths(model)
@@ -295,7 +277,10 @@ def _scale(
     frames: dict[str, Frames] = {}
     if pelvis is not None:
         frames["pelvis"] = pelvis.image
-        model = _with_hips(scale_model(model, {"pelvis": pelvis.factors}), pelvis)
+        model = scale_model(model, {"pelvis": pelvis.factors})
+        for thigh, at in ((f"femur_{side}", at) for side, at in pelvis.hips.items()):
+            if thigh in model.segment_names:
+                model = placement.with_centre(model, thigh, _to_vector(pelvis.image.to_local(at)[0]))
     tilts: dict[str, parameters.Tilt] = (
         dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     )
@@ -346,7 +331,7 @@ def _state_deviations(found: results.Calibration, evidence: trial.ImageEvidence)
     sds = people_prior.measure_imaged(imaged, people)
     sizes = dict(found.sizes)
     for segment in found.bone_sized:
-        dimension = find_dimension(found.model.bone_of(segment))
+        dimension = personal_sizes.find_dimension(found.model.bone_of(segment))
         if dimension in sds:
             length, sd = sds[dimension]
             factor = length / measure_segment_lengths(found.generic)[dimension]
@@ -357,10 +342,10 @@ def _state_deviations(found: results.Calibration, evidence: trial.ImageEvidence)
     centres = {
         hip: results.EstimatedCentre("image", (imaged.deviate_centre(hip, people),) * 3) for hip in hips
     }
-    return replace(found, sizes=sizes, centres={**found.centres, **centres})
+    return dataclasses.replace(found, sizes=sizes, centres={**found.centres, **centres})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class ImageBased:
     """Joint centres, knee axes and markers from images, the rest from markers."""
 
@@ -399,7 +384,7 @@ class ImageBased:
         found = _state_deviations(_scale(session, settings, start, evidence), evidence)
         imaged = [segment for segment, whose in found.bone_sized.items() if whose == "own"]
         doubts += image_points.doubt_sizes(start.model, found.model, {*found.image_poses, *imaged})
-        return replace(
+        return dataclasses.replace(
             found,
             warnings=(*found.warnings, *doubts),
             contradictions=tuple(doubt.removeprefix("EB: ") for doubt in doubts),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def find_imaged_pelvis(evidence: ImageEvidence) -> frames.Frames | None:
     return frames.build_pelvis_frame(*spines.values()) if spines else None
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ImagedParts:
     """What of a model an image shows well enough to lay it there; ``thighs``, ``shanks``: sides."""
 
@@ -185,7 +185,7 @@ def size_by_lengths(
         "centres stay as markers have them, and other sizes are those of persons with such bones, as far as "
         "markers allow"
     ]
-    return replace(
+    return dataclasses.replace(
         found,
         method="EB",
         warnings=(*found.warnings, *notes),

@@ -18,11 +18,11 @@ from scipy.optimize import least_squares
 from scaling_service.capabilities.scaling.methods.image_points import find_imaged_spines
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model import body
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model import trial as trials
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.lengths import find_joint_ends
 from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.model.trial import ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
@@ -37,8 +37,8 @@ class PelvisFit:
 
     factors: body.Vector
     deviations: body.Vector  # standard deviations of the factors, relative
-    pose: ImagePose
-    image: Frames  # of the image's spines
+    pose: trials.ImagePose
+    image: frames.Frames  # of the image's spines
     hips: Mapping[
         str, Array
     ]  # side to its centre in the image, (3,) m; one that is not seen is a mirror image
@@ -56,8 +56,8 @@ class _Pairs:
 def fit_pelvis(
     model: body.BodyModel,
     pelvis: str,
-    evidence: ImageEvidence,
-    image: Frames,
+    evidence: trials.ImageEvidence,
+    image: frames.Frames,
     *,
     size_sd: float,
     shape_sd: float,
@@ -70,7 +70,11 @@ def fit_pelvis(
 
     Where no spine is marked on the model the prior gives the pitch, and hips the rest.
     """
-    hips, seen = place_hips(model, pelvis), _find_imaged_hips(evidence, image)
+    hips = place_hips(model, pelvis)
+    seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
+    for side, other in ("rl", "lr"):  # of half a pelvis the other hip is the mirror image
+        if other in seen:
+            seen.setdefault(side, image.to_ground(image.to_local(seen[other])[0] * _MIRROR)[0])
     pairs = _pair_points(model, pelvis, evidence, hips, seen)
     start = (
         _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
@@ -95,19 +99,10 @@ def fit_pelvis(
     return PelvisFit(
         factors=body.to_vector(factors),
         deviations=body.to_vector(np.sqrt(np.diag(covariance)[6:])),
-        pose=ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
+        pose=trials.ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
         image=image,
         hips=seen,
     )
-
-
-def _find_imaged_hips(evidence: ImageEvidence, image: Frames) -> dict[str, Array]:
-    """Both hip centres in the image, (3,) m; of half a pelvis the other is its mirror image."""
-    seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
-    for side, other in ("rl", "lr"):
-        if other in seen:
-            seen.setdefault(side, image.to_ground(image.to_local(seen[other])[0] * _MIRROR)[0])
-    return seen
 
 
 def place_hips(model: body.BodyModel, pelvis: str) -> dict[str, Array]:
@@ -133,7 +128,7 @@ def refuse_without_joint(joint: str, segment: str) -> SubjectInvalid:
 def _pair_points(
     model: body.BodyModel,
     pelvis: str,
-    evidence: ImageEvidence,
+    evidence: trials.ImageEvidence,
     hips: Mapping[str, Array],
     seen: Mapping[str, Array],
 ) -> _Pairs:
@@ -160,7 +155,7 @@ def _pair_points(
     return _Pairs(model=np.array(ours), image=np.array(theirs), covariance=block_diag(*blocks, both))
 
 
-def _measure_variance(name: str, evidence: ImageEvidence, people: People, bony: bool) -> Array:
+def _measure_variance(name: str, evidence: trials.ImageEvidence, people: People, bony: bool) -> Array:
     """Of a spine's place by palpation and by the image, (3,), m2."""
     landmark = name if name == "SACR" else name[1:]
     by_image = evidence.deviations.get(name, 0.0) ** 2 / 3.0 if bony else people.image_marker**2
@@ -184,7 +179,7 @@ def _find_model_forward(model: body.BodyModel, pelvis: str) -> Array:
     if not {"RASIS", "LASIS"} <= marks.keys() or not back:
         return np.array([1.0, 0.0, 0.0])
     middle = np.mean(back, axis=0)
-    return build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
+    return frames.build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
 
 
 def _make_axes(z: Array, forward: Array) -> Array:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,7 +75,7 @@ def scale_linearly(
                 field="knee",
                 remedy="Leave the knee as it is, or choose a built-in leg model",
             )
-        session = replace(session, model=parameters.with_knee(session.model, settings.knee))
+        session = dataclasses.replace(session, model=parameters.with_knee(session.model, settings.knee))
     notes: list[str] = []
     if session.static is None:
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
@@ -125,7 +125,7 @@ def _widen_pelvis(
         return dict(sizes)
     between = np.sqrt(2.0 * (1.0 + people.hip_sides)) * people.hip_sd[2] / apart  # both go outward alike
     return {
-        segment: replace(size, sd=float(np.hypot(size.sd, between)))
+        segment: dataclasses.replace(size, sd=float(np.hypot(size.sd, between)))
         if size.dimension == "inter_hip"
         else size
         for segment, size in sizes.items()
@@ -252,7 +252,7 @@ def _pair_factor(
     return float(np.mean(ratios))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerBased:
     """Linear scaling from marker distances."""
 

@@ -70,8 +70,13 @@ class Freedom:
         if self.lengths:
             for segment in model.segments:
                 if segment.name in carrying:
-                    known = length_sds.get(segment.name, settings.length_sd)
-                    model = _free_size(model, segment.name, settings, known)
+                    spread = (settings.length_bound, length_sds.get(segment.name, settings.length_sd))
+                    axes = measurements.AXES.get(segment.name) if settings.scaling == "per-axis" else None
+                    model = (
+                        parameters.free_scale(model, segment.name, *spread)
+                        if axes is None
+                        else parameters.free_scale_axes(model, segment.name, axes, *spread)
+                    )
         bounds = (math.radians(settings.axis_bound_x_deg), math.radians(settings.axis_bound_y_deg))
         for joint in find_tiltable_knees(model):
             model = parameters.free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
@@ -86,15 +91,6 @@ class Freedom:
                         model, marker.name, axes, settings.marker_bound_m, settings.marker_sd_m
                     )
         return model
-
-
-def _free_size(
-    model: body.BodyModel, segment: str, settings: CalibrationSettings, sd: float
-) -> body.BodyModel:
-    spread = (settings.length_bound, sd)
-    if settings.scaling == "per-axis" and segment in measurements.AXES:
-        return parameters.free_scale_axes(model, segment, measurements.AXES[segment], *spread)
-    return parameters.free_scale(model, segment, *spread)
 
 
 def select_coordinates(marker: str) -> str:

@@ -9,8 +9,8 @@ Segments without a bone stay as markers have them.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -19,27 +19,27 @@ from scaling_service.capabilities.scaling.methods import imaged_pelvis
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model import body
+from scaling_service.model import poses as posing
 from scaling_service.model.anatomy.bones import find_body
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
-from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import ImageEvidence, ImagePose
+from scaling_service.numerics.multibody import rigid
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 
 MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
 
-@dataclass(slots=True)
+@dataclasses.dataclass(slots=True)
 class Registration:
     """A model on its way onto the bones of an image."""
 
     model: body.BodyModel
     # ratios: segment to its sizes over the model's before; poses: segment to where it lies in the image
-    ratios: dict[str, body.Vector] = field(default_factory=dict)
-    poses: dict[str, ImagePose] = field(default_factory=dict)
-    moves: dict[str, JointMove] = field(default_factory=dict)
+    ratios: dict[str, body.Vector] = dataclasses.field(default_factory=dict)
+    poses: dict[str, ImagePose] = dataclasses.field(default_factory=dict)
+    moves: dict[str, JointMove] = dataclasses.field(default_factory=dict)
 
     def resize(self, ratios: Mapping[str, body.Vector]) -> None:
         """Multiply segments' sizes, and those of what belongs to them, as the patella to the thigh."""
@@ -67,7 +67,7 @@ class Registration:
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        rotation = convert_vector_to_rotation(turn)
+        rotation = rigid.convert_vector_to_rotation(turn)
         about = body.Joint("rotation", body.to_vector(turn / angle), body.Law.constant(angle))
         shift = pivot - rotation @ pivot
         joints = (*segment.joints, *_make_shifts(shift), about)
@@ -78,7 +78,7 @@ class Registration:
 
         ``by``: (3,). ``values``: coordinate to its value, rad or m.
         """
-        back = -follow(segment.joints, values)[0].T @ by
+        back = -posing.follow(segment.joints, values)[0].T @ by
         joints = (*_make_shifts(by), *segment.joints, *_make_shifts(back))
         self._rejoint(segment, joints, shift=body.to_vector(by), child_shift=body.to_vector(back))
 
@@ -88,7 +88,7 @@ class Registration:
         ``onto``: (3,), in the parent's frame.
         """
         first, last = find_turning_joints(segment)
-        rotation, _ = follow(segment.joints[:first], values)
+        rotation, _ = posing.follow(segment.joints[:first], values)
         turn = rotation.T @ _turn_onto(find_axis_in_parent(segment, values), onto)
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
@@ -101,10 +101,10 @@ class Registration:
 
     def _rejoint(self, segment: body.Segment, joints: tuple[body.Joint, ...], **moved: body.Vector) -> None:
         known = self.moves.get(segment.joint_name, JointMove())
-        self.moves[segment.joint_name] = replace(known, **moved)
-        changed = replace(segment, joints=joints)
+        self.moves[segment.joint_name] = dataclasses.replace(known, **moved)
+        changed = dataclasses.replace(segment, joints=joints)
         segments = tuple(changed if s.name == segment.name else s for s in self.model.segments)
-        self.model = replace(self.model, segments=segments)
+        self.model = dataclasses.replace(self.model, segments=segments)
 
 
 def _make_shifts(by: Array) -> tuple[body.Joint, ...]:
@@ -133,7 +133,7 @@ def find_turning_joints(segment: body.Segment) -> tuple[int, int]:
 def find_axis_in_parent(segment: body.Segment, values: Mapping[str, float]) -> Array:
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
     first, _ = find_turning_joints(segment)
-    rotation, _ = follow(segment.joints[:first], values)
+    rotation, _ = posing.follow(segment.joints[:first], values)
     axis: Array = rotation @ np.array(segment.joints[first].axis)
     return axis
 
@@ -227,8 +227,8 @@ def _register_shank(
     joints = [j for s in chain for j in s.joints]
     target = thigh.to_local(ankle)
 
-    def place(angle: float) -> Frame:
-        return follow(joints, {**values, coordinate: angle})
+    def place(angle: float) -> posing.Frame:
+        return posing.follow(joints, {**values, coordinate: angle})
 
     def measure_gap(angle: float) -> float:
         turn, origin = place(angle)
@@ -286,25 +286,22 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     joint, carried = _find_turning_in(chain, values)
     ankle, onto = np.array(evidence.centres[f"ankle_{side}"]), np.array(evidence.axes[name])
     hinge = np.array(evidence.axes[f"ankle_{side}"])
-    before = follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
+    before = posing.follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
     pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
-    bend = rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
+    # As far about the hinge as brings our axis nearest to theirs.
+    turn = np.arctan2(np.cross(ours, theirs) @ hinge, ours @ theirs - (ours @ hinge) * (theirs @ hinge))
+    bend = rigid.rotate_about(hinge, float(turn))
     placed = ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
     found.poses[talus] = placed
     first, _ = find_turning_joints(joint)
     upto = [j for s in chain[: chain.index(joint)] for j in s.joints]
-    centre = follow([*upto, *joint.joints[:first]], values)[1]
+    centre = posing.follow([*upto, *joint.joints[:first]], values)[1]
     axis = placed.rotation.T @ theirs
     off = placed.to_local(np.array(evidence.centres[name])) - centre
     found.move_axis(joint, carried.T @ (off - (off @ axis) * axis), values)
     found.turn(found.model.segment(joint.name), carried.T @ axis, values)
-
-
-def _measure_angle_about(axis: Array, start: Array, end: Array) -> float:
-    """By how much a direction turns about an axis to come nearest to another, rad."""
-    return float(np.arctan2(np.cross(start, end) @ axis, start @ end - (start @ axis) * (end @ axis)))
 
 
 def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> tuple[body.Segment, Array]:
@@ -312,10 +309,10 @@ def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> 
     before: list[body.Joint] = []
     for segment in chain:
         if any(j.turns for j in segment.joints):
-            return segment, follow(before, values)[0]
+            return segment, posing.follow(before, values)[0]
         before += segment.joints
     find_turning_joints(chain[-1])
-    return chain[-1], follow(before, values)[0]
+    return chain[-1], posing.follow(before, values)[0]
 
 
 def mirror_knee(found: Registration, imaged: str, other: str) -> None:
@@ -328,7 +325,7 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
     first, _ = find_turning_joints(ours)
     move = found.moves.get(ours.joint_name, JointMove())
     # What is wanted is the axis as it stands now, seen in a mirror: an axis has no sign of its own.
-    now = follow(ours.joints[:first], values)[0] @ np.array(move.turn)
+    now = posing.follow(ours.joints[:first], values)[0] @ np.array(move.turn)
     angle = float(np.linalg.norm(now))
     if angle == 0.0:
         return

@@ -6,8 +6,8 @@ landmarks. A relation between several numbers, such as a hip and the pelvis's wi
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,20 +37,20 @@ Spines = abc.Mapping[str, Array]
 """RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Imaged:
     """What of a model's numbers images gave, as its image-based scaling has them."""
 
     pelvis: bool = False
     hips: frozenset[str] = frozenset()  # sides
     knees: frozenset[str] = frozenset()  # joints whose axis the image shows
-    lengths: abc.Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
+    lengths: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)  # by name of the length, m
     segments: frozenset[str] = frozenset()  # that lie in the image
     markers: frozenset[str] = frozenset()
-    off: abc.Mapping[str, float] = field(default_factory=dict)
+    off: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Deviations that the image's surfaces leave of centres (``hip_r`` …) along each axis, m; what is absent
     is as good as images usually are."""
-    turned: abc.Mapping[str, float] = field(default_factory=dict)  # the same of joints' axes, rad
+    turned: abc.Mapping[str, float] = dataclasses.field(default_factory=dict)  # the same of joints' axes, rad
 
     def deviate_centre(self, centre: str, people: population.People) -> float:
         """Standard deviation of an imaged centre along each axis, m: the image's, at least what is usual."""
@@ -191,7 +191,7 @@ def find_spines(model: body.BodyModel, told: abc.Mapping[str, str]) -> Spines | 
     return found if len(found) == 4 else None
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _HipRelation:
     """How far regressions put the hips from the model's, as sizes and skin vary."""
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from scaling_service.model.anatomy.lengths import find_joint_ends
 from scaling_service.model.trial import Bone
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class MovedAttachments:
     """Attachments on one segment's bone, before and after."""
 
@@ -29,7 +29,7 @@ class MovedAttachments:
     distances: Array  # (n, 2), m: from the person's bone before and after
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class FollowedSurfaces:
     """A model whose muscles are attached where the person's bones are."""
 
@@ -73,9 +73,12 @@ def follow_surfaces(
         if sizes.min() <= 0.0:
             notes.append(f"{calibration.method}: attachments on {segment} are scaled: the map would fold")
             continue
-        moved[segment] = _move(here, before, mapped, person)
+        after = mapped(before)
+        distances = np.stack([morph.measure_distances(person, at) for at in (before, after)], axis=1)
+        shifted = tuple(dataclasses.replace(p, at=at) for p, at in zip(here, after, strict=True))
+        moved[segment] = MovedAttachments(shifted, before, distances)
         there = zip(over, mapped(centres) if over else (), sizes[len(here) :], strict=True)
-        moved_wraps += [replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
+        moved_wraps += [dataclasses.replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
         off, now = 1e3 * np.median(moved[segment].distances, axis=0)
         notes.append(
             f"{calibration.method}: {len(moved[segment].points)} attachments on {segment} follow its "
@@ -121,15 +124,6 @@ def _find_centres(calibration: results.Calibration, segment: str) -> tuple[Array
             now.append(ends[segment])
             before.append(ends[segment] - moved.shift)
     return np.array(before).reshape(-1, 3), np.array(now).reshape(-1, 3)
-
-
-def _move(
-    points: abc.Sequence[osim_muscles.Attachment], before: Array, mapped: morph.SurfaceMap, person: Bone
-) -> MovedAttachments:
-    after = mapped(before)
-    there = tuple(replace(point, at=at) for point, at in zip(points, after, strict=True))
-    distances = np.stack([morph.measure_distances(person, at) for at in (before, after)], axis=1)
-    return MovedAttachments(there, before, distances)
 
 
 def write_attachments(file: Path, moved: abc.Mapping[str, MovedAttachments]) -> None:

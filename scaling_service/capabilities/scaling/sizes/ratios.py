@@ -7,8 +7,8 @@ as if they were frames. Distances that share a marker thus share its error.
 
 from __future__ import annotations
 
+import dataclasses
 from collections import abc
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -25,7 +25,7 @@ Input = tuple[str, int]
 """What an error belongs to: a landmark, centre or size, and its axis."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Ratios:
     """Logarithms of a person's distances over the model's.
 
@@ -114,7 +114,7 @@ def estimate_centre_sds(person: PersonPoints) -> dict[str, Array]:
     }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Propagated:
     """A posture built again with each input one standard deviation up (even rows) and down (odd rows)."""
 
@@ -157,7 +157,7 @@ class _Propagated:
         widths = {k: (resize(f"{k} width", value, sd), sd) for k, (value, sd) in sizes.widths.items()}
         centres = anatomy_centres.construct_centres(
             landmarks,
-            replace(sizes, widths=widths),
+            dataclasses.replace(sizes, widths=widths),
             person.regression,
             hips={name: np.broadcast_to(at, (n, 3)) for name, at in _find_hips(person).items()},
             errors=errors,

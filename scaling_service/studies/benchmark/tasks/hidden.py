@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from collections import abc
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -24,7 +24,7 @@ TRUE_OF_THE_PERSON = "body_mass"
 Change = abc.Callable[[Path], None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Hidden:
     """What is hidden, how it is to be named, and its size: the unit's suffix, the value and the tolerance."""
 
@@ -40,7 +40,7 @@ def _change_markers(
 ) -> None:
     for name in names:
         trial = trc.read_trc(box / f"{name}.trc")
-        trc.write_trc(box / f"{name}.trc", replace(trial.trial, markers=change(trial)), "m")
+        trc.write_trc(box / f"{name}.trc", dataclasses.replace(trial.trial, markers=change(trial)), "m")
 
 
 def _exchange(first: str, second: str, trial: Trial) -> benchmark_parts.Array:
@@ -72,7 +72,7 @@ def _change_forces(change: abc.Callable[[sto.Table, benchmark_parts.Array], None
         table = sto.read_sto(path)
         data = table.data.copy()
         change(table, data)
-        sto.write_sto(path, replace(table, data=data))
+        sto.write_sto(path, dataclasses.replace(table, data=data))
 
 
 def _list_columns(table: sto.Table, plate: int, what: str) -> list[int]:

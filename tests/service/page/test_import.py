@@ -29,9 +29,11 @@ def document(url: str, subject: str) -> dict[str, Any]:
     return found
 
 
-def test_what_is_typed_is_kept_by_the_next_click(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_what_is_typed_is_kept_by_the_next_click(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
     with Client(url) as client:
-        put_walker(client, "typed", tmp_path)
+        put_walker(client, "typed", example / "lab", tmp_path)
     for height, way in ((1.61, "On to the analyses"), (1.62, "2. Analyses")):
         visitor = imported(visit, url, "typed")
         visitor.page.get_by_label("height, m").fill(str(height))
@@ -40,9 +42,11 @@ def test_what_is_typed_is_kept_by_the_next_click(visit: Visit, url: str, tmp_pat
         assert document(url, "typed")["subject"]["height_m"] == height, way
 
 
-def test_exchanged_labels_are_put_right_by_one_click(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_exchanged_labels_are_put_right_by_one_click(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
     with Client(url) as client:
-        put_walker(client, "exchanged", tmp_path)
+        put_walker(client, "exchanged", example / "lab", tmp_path)
         walk = read_trc(tmp_path / "gait_1.trc")
         wrong = walk.markers.copy()
         pair = [walk.index("V:RKNE"), walk.index("V:RKNM")]
@@ -61,10 +65,12 @@ def test_exchanged_labels_are_put_right_by_one_click(visit: Visit, url: str, tmp
     assert "corrections" not in document(url, "exchanged")
 
 
-def test_a_marker_is_left_out_where_it_is_clicked(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_a_marker_is_left_out_where_it_is_clicked(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
     """In the result: the document has it by the file's own label and clock; the same is asked for again."""
     with Client(url) as client:
-        subject = put_walker(client, "clicked", tmp_path)
+        subject = put_walker(client, "clicked", example / "lab", tmp_path)
         job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/space?trial=gait_1")
@@ -85,11 +91,15 @@ def test_a_marker_is_left_out_where_it_is_clicked(visit: Visit, url: str, tmp_pa
     assert said == ["V:RKNE left out from 0.50 to 0.90 s, as the subject file says"]
 
 
-def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
     """Pointing at the map shows its time and lights its marker in picture and table."""
     with Client(url) as client:
         job = client.wait(
-            client.ask("comparisons", subject=put_walker(client, "hovered", tmp_path), methods=["MB"])
+            client.ask(
+                "comparisons",
+                subject=put_walker(client, "hovered", example / "lab", tmp_path),
+                methods=["MB"],
+            )
         )
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/space?trial=gait_1")
@@ -111,11 +121,11 @@ def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, tmp_path:
     assert visitor.page.locator(".names span:not([hidden])").all_inner_texts() == [marker]
 
 
-def test_a_person_has_one_report(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_a_person_has_one_report(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
     """What ran is in it with its own words, what did not is named; two sessions stand beside each other."""
     with Client(url) as client:
         for name in ("before", "after"):
-            subject = put_walker(client, name, tmp_path)
+            subject = put_walker(client, name, example / "lab", tmp_path)
             job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
         result = client.result(job)
     visitor = visit(url)
@@ -132,9 +142,11 @@ def test_a_person_has_one_report(visit: Visit, url: str, tmp_path: Path) -> None
     assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
 
 
-def test_notes_are_signed_for_the_results_that_are_shown(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_notes_are_signed_for_the_results_that_are_shown(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
     with Client(url) as client:
-        subject = put_walker(client, "signed", tmp_path)
+        subject = put_walker(client, "signed", example / "lab", tmp_path)
         job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
     visitor = visit(url)
     visitor.go("subjects/signed/report")
@@ -153,9 +165,11 @@ def test_notes_are_signed_for_the_results_that_are_shown(visit: Visit, url: str,
     assert visitor.page.get_by_label("Notes").input_value() == "The left knee slipped."
 
 
-def test_heel_strikes_are_marked_and_cut_strides(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_heel_strikes_are_marked_and_cut_strides(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
     with Client(url) as client:
-        subject = put_walker(client, "struck", tmp_path)
+        subject = put_walker(client, "struck", example / "lab", tmp_path)
     visitor = imported(visit, url, "struck")
     visitor.press("3 Laboratory")
     visitor.page.get_by_label("Recording").select_option("gait_1.trc")
@@ -177,10 +191,14 @@ def test_heel_strikes_are_marked_and_cut_strides(visit: Visit, url: str, tmp_pat
     assert "events" not in document(url, "struck")
 
 
-def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_a_stretch_of_a_curve_stands_in_the_address(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
     with Client(url) as client:
         job = client.wait(
-            client.ask("comparisons", subject=put_walker(client, "zoomed", tmp_path), methods=["MB"])
+            client.ask(
+                "comparisons", subject=put_walker(client, "zoomed", example / "lab", tmp_path), methods=["MB"]
+            )
         )
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/angles?over=gait_1&zoom=gait_1_knee_angle_r_deg~0.5~1")
@@ -195,10 +213,10 @@ def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, tmp_
     visitor.page.wait_for_function("() => !location.hash.includes('zoom')")
 
 
-def test_another_model_has_other_markers(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_another_model_has_other_markers(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
     """What was chosen for the markers of one model is not asked of another; what hinders is told there."""
     with Client(url) as client:
-        put_walker(client, "changed", tmp_path)
+        put_walker(client, "changed", example / "lab", tmp_path)
         document_ = client.subject("changed").document
         nowhere = {"extra_markers": {"V:RKNE": "calcn_r"}}  # a segment of models with feet
         client.put_subject({**document_, **nowhere})
@@ -213,10 +231,10 @@ def test_another_model_has_other_markers(visit: Visit, url: str, tmp_path: Path)
     assert "extra_markers" not in document(url, "changed")
 
 
-def test_what_cannot_run_says_what_it_needs(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_what_cannot_run_says_what_it_needs(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
     """Without forces the check of forces cannot be started; with a click one is where they are given."""
     with Client(url) as client:
-        put_walker(client, "bare", tmp_path)
+        put_walker(client, "bare", example / "lab", tmp_path)
     visitor = visit(url)
     visitor.go("subjects/bare/run")
     start = visitor.page.get_by_role("button", name="Start: Check the forces")
@@ -232,11 +250,13 @@ def test_an_address_of_no_job_says_so(visit: Visit, url: str) -> None:
     visitor.sees("There is no such job")
 
 
-def test_the_worst_moment_is_the_frame_itself(visit: Visit, url: str, tmp_path: Path) -> None:
+def test_the_worst_moment_is_the_frame_itself(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
     """The button under the map leads to the very frame, and the stage says the same number."""
     with Client(url) as client:
         job = client.wait(
-            client.ask("comparisons", subject=put_walker(client, "worst", tmp_path), methods=["MB"])
+            client.ask(
+                "comparisons", subject=put_walker(client, "worst", example / "lab", tmp_path), methods=["MB"]
+            )
         )
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/space?trial=gait_1")

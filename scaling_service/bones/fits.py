@@ -22,11 +22,9 @@ _NARROWEST, _WIDEST = 0.02, 0.08  # shares of the radius between which that limi
 _START, _CLOSING = 0.25, 0.8  # first limit as a share of the radius, and how it closes with each step
 _SPHERE_STEPS = 60
 _SETTLED_M = 1e-7
-_REACH, _LOOSE, _SETTLED = (
-    1.5,
-    0.15,
-    1e-6,
-)  # of an ellipsoid, as shares of the radius: chosen, a quarter stretched
+# Of an ellipsoid, as shares of the radius: the vertices looked at, how far off they may be at first (chosen:
+# a ball stretched by a quarter), and the step at which it has settled.
+_REACH, _LOOSE, _SETTLED = 1.5, 0.15, 1e-6
 _ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
 

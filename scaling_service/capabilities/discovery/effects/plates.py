@@ -23,7 +23,6 @@ from scaling_service.core.arrays import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N")
 
-_LYING = ("plate_position", "plate_rotation")
 _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
 _Fault = tuple[str, list[Column], str, Callable[[Array], bool] | None]
@@ -53,11 +52,10 @@ def _list_faults(plate: str) -> Iterator[_Fault]:
 
 
 def _propose(kind: str, scene: Scene) -> Iterator[Candidate]:
-    """Every loaded plate, in all recordings and in each; how it lies is one for all."""
+    """Every loaded plate, in all recordings and in each: every file says for itself where its plates lie."""
     for plate in scene.plates:
-        scopes = scene.scopes_of_plate(plate)[: 1 if kind in _LYING else None]
         for own, columns, note, together in _list_faults(plate):
-            for trials in scopes if own == kind else ():
+            for trials in scene.scopes_of_plate(plate) if own == kind else ():
                 yield Candidate(kind, (plate,), tuple(columns), trials=trials, note=note, together=together)
 
 

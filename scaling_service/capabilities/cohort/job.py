@@ -6,6 +6,7 @@ import itertools
 import json
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -169,26 +170,12 @@ def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
 def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
     from scaling_service.capabilities.cohort.outcomes import Outcome, read_summary
 
-    shown = f"{name}/{base.DOCUMENT}"
+    outcome = Outcome(name=name, groups=groups, status="failed", shown=f"{name}/{base.DOCUMENT}")
     if end["state"] != jobs.State.DONE:
-        return Outcome(
-            name=name,
-            groups=groups,
-            status="failed",
-            reason=str(jobs.Failure.model_validate(end["failure"])),
-            shown=shown,
-        )
+        return replace(outcome, reason=str(jobs.Failure.model_validate(end["failure"])))
     result = MemberResult.model_validate(end["result"])
     summary = read_summary(inputs / name) if result.status == "done" else None
-    return Outcome(
-        name=name,
-        groups=groups,
-        status=result.status,
-        reason=result.reason,
-        summary=summary,
-        wall_s=result.wall_s,
-        shown=shown,
-    )
+    return replace(outcome, summary=summary, **result.model_dump())
 
 
 def list_kinds() -> dict[str, job.Kind]:

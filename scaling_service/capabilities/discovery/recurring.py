@@ -7,7 +7,6 @@ worse over all persons.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,8 +33,8 @@ from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part, Rounded
 from scaling_service.documents.writing import REPORT, code_version, write_json
+from scaling_service.files.model_json import write_model_json
 from scaling_service.model.body import BodyModel
-from scaling_service.model.document import to_document
 from scaling_service.report.onefile import Report
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
@@ -407,8 +406,7 @@ def discover_recurring(
         (folder / stale).unlink(missing_ok=True)
     if recurring.corrected is not None and recurring.model is not None:
         files.append(f"{MODEL}.json")
-        content = json.dumps(to_document(recurring.model), allow_nan=False)
-        (folder / files[0]).write_text(content, encoding="utf-8")
+        write_model_json(folder / files[0], recurring.model)
         first = next(iter(found.values())).prepared
         notes += write_corrected_osim(
             folder / f"{MODEL}.osim", recurring.corrected, replace(first, calibration=None)
@@ -427,8 +425,7 @@ def discover_recurring(
     )
     write_json(folder / FILE_NAME, document)
     if report:
-        page = Report(
+        Report(
             kind="recurring", name=FILE_NAME, summary=summarise(document), document=document, beside=files
-        )
-        (folder / REPORT).write_text(page.html(), encoding="utf-8")
+        ).write(folder)
     return replace(recurring, document=document)

@@ -259,7 +259,7 @@ def make_clinical_document(gait: ClinicalGait) -> results.ClinicalDocument:
         sides={
             side: results.ClinicalSide(
                 cycles=[
-                    results.ClinicalCycle(trial=trial, start_s=round(start, 4), end_s=round(end, 4))
+                    results.ClinicalCycle(trial=trial, start_s=start, end_s=end)
                     for trial, start, end in cycles.cycles
                 ],
                 curves={name: _summarise_curve(values) for name, values in cycles.values.items()},

@@ -386,7 +386,7 @@ def run_demo(
         settings,
         progress=progressing.report_part(report, _BONES, 1 - _BONES),
     )
-    lengths = {name: round(1e3 * value, 4) for name, value in measure_segment_lengths(person.model).items()}
+    lengths = {name: 1e3 * value for name, value in measure_segment_lengths(person.model).items()}
     errors = {}
     for method, scaling in results.scalings.items():
         model = scaling.calibration.model
@@ -399,5 +399,5 @@ def run_demo(
             found[f"{name}_centre_mm"] = 1e3 * gap
         for name, gap in geometry.compute_angle_errors(held_out, person.model, person.motions).items():
             found[f"{name}_deg"] = math.degrees(gap)
-        errors[method] = {name: round(value, 4) for name, value in found.items()}
+        errors[method] = found
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)

@@ -68,12 +68,7 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     if f"ankle_{side}" not in evidence.centres:
         return _Leg(femur=femur, tibia=None, knee=below, ankle=None, tilt=tilt)
     ankle = np.array(evidence.centres[f"ankle_{side}"])
-    tibia = _carry_shank(femur, knee, ankle, tilt)
-    return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
-
-
-def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt) -> Frames:
-    """The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle."""
+    # The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle
     turned = parameters.tilt_rotation(tilt)
     shank = turned.T @ femur.rotation[0].T @ (ankle - knee)  # in the hinge's frame, about its z
     straight = turned.T @ np.array([0.0, -1.0, 0.0])
@@ -86,7 +81,8 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt
             remedy="Check that femur and tibia are of one side and in one image frame",
         )
     hinge = turned @ rotate_about((0.0, 0.0, 1.0), angle) @ turned.T
-    return Frames((femur.rotation[0] @ hinge)[None], knee[None])
+    tibia = Frames((femur.rotation[0] @ hinge)[None], knee[None])
+    return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
 
 
 def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:

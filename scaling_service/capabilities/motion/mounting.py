@@ -55,7 +55,6 @@ class Mounted:
 
     model: BodyModel
     trials: tuple[Trial, ...]
-    segments: abc.Mapping[str, str]  # label to the segment it is on
     notes: tuple[Note, ...]
 
 
@@ -151,7 +150,6 @@ def mount(
     return Mounted(
         model=solved.model,
         trials=ready,
-        segments={label: segments[label] for label in segments if label in chosen.before},
         notes=tuple(_tell(matched, noise, chosen, misfits, facing)),
     )
 

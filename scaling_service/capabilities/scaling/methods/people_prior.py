@@ -200,7 +200,6 @@ class _HipRelation:
     pelvis: str
     spines: Spines
     sides: tuple[str, ...]
-    sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
     expected: DimensionPrior  # of persons like this one, where the model has no ankle
     lengths: abc.Mapping[str, float]  # of the model's segments, m
     hips: abc.Mapping[str, Array]  # side to the model's own, (3,) m
@@ -278,7 +277,6 @@ def expect_hips(
             pelvis=pelvis,
             spines=spines,
             sides=sides,
-            sizes=sizes,
             expected=expected,
             lengths=anatomy_lengths.measure_segment_lengths(model),
             hips={side: anatomy_lengths.find_joint_ends(model, "hip", side)[pelvis] for side in sides},

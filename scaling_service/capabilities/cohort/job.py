@@ -111,10 +111,7 @@ class BatchRequest(job.WithTables):
 
 
 def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Scale one subject as ``batch`` does on the command line; the result says how it ended.
-
-    InputError: whatever in the subject, the model or the recordings cannot be used: the subject failed.
-    """
+    """Scale one subject as ``batch`` does on the command line; the result says how it ended."""
     from scaling_service.capabilities.cohort.outcomes import NothingPossible, SubjectMember
 
     clock = time.perf_counter()

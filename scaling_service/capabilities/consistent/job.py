@@ -20,10 +20,7 @@ class ConsistentRequest(job.OfForces, ForceSettings):
 
 
 def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write ``consistent.json``, motions, models and the report; the document is the result.
-
-    Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
-    """
+    """Write ``consistent.json``, motions, models and the report; the document is the result."""
     from scaling_service.capabilities.consistent.run import consistent
     from scaling_service.capabilities.consistent.saving import (
         save_consistent,

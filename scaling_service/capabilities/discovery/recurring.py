@@ -171,7 +171,12 @@ def find_recurring(
             break
         best = max(likely, key=lambda k: odds[k])
         after = {name: pooled.refit(results, [*named, best]) for name, results in found.items()}
-        if _is_worse(left[-1], after, vouching or list(found)):
+        # Whether markers, forces or moments are worse over those persons
+        squares = [
+            [sum(some[who].get(name, 0.0) ** 2 for who in vouching or found) for some in (left[-1], after)]
+            for name, *_ in _GAPS
+        ]
+        if any(with_it > (1.0 + USUAL.worse) ** 2 * without for without, with_it in squares):
             refused[best] = left[-1], after
             continue
         entries.append(_describe(pooled, named, best, odds[best], left=(left[-1], after)))
@@ -207,15 +212,6 @@ def find_recurring(
     )
     context = SearchContext(model=generic, recordings=(), settings=first.search)
     return Recurring(document, Fit(context=context, effects=tuple(effects)) if effects else None)
-
-
-def _is_worse(before: Left, after: Left, persons: Sequence[str]) -> bool:
-    """Whether markers, forces or moments are worse over some persons."""
-    for name, *_ in _GAPS:
-        a, b = (sum(some[who].get(name, 0.0) ** 2 for who in persons) for some in (before, after))
-        if b > (1.0 + USUAL.worse) ** 2 * a:
-            return True
-    return False
 
 
 def _compare(
@@ -286,10 +282,7 @@ def summarise(document: RecurringDocument) -> Summary:
     if document.corrected:
         why.append(f"The generic model without it: {', '.join(document.corrected)}.")
     rows = [
-        Row(
-            who,
-            [_show_pair(getattr(entry, field)) for field, *_ in _GAPS] + [f"{entry.log_odds:+.1f}"],
-        )
+        Row(who, [*(_show_pair(getattr(entry, field)) for field, *_ in _GAPS), f"{entry.log_odds:+.1f}"])
         for who, entry in document.persons.items()
     ]
     told = [
@@ -304,27 +297,15 @@ def summarise(document: RecurringDocument) -> Summary:
         )
         for e in document.effects
     ]
-    columns = [
-        "effect of the generic model",
-        "named",
-        "log odds",
-        "speak for it",
-        "what did not fit, with it",
-    ]
-    tables = [Table(caption="What may recur", columns=columns, rows=told, words=True)]
-    if rows:
-        tables.insert(
-            0,
-            Table(
-                caption="What the corrected model does to recordings that did not fit: RMS before → after",
-                columns=[
-                    "person",
-                    *(f"{name}, {unit}" for _, name, unit in _GAPS),
-                    "log likelihood",
-                ],
-                rows=rows,
-            ),
-        )
+    corrected = Table(
+        caption="What the corrected model does to recordings that did not fit: RMS before → after",
+        columns=["person", *(f"{name}, {unit}" for _, name, unit in _GAPS), "log likelihood"],
+        rows=rows,
+    )
+    asked = ["named", "log odds", "speak for it", "what did not fit, with it"]
+    recurring = Table(
+        caption="What may recur", columns=["effect of the generic model", *asked], rows=told, words=True
+    )
     return Summary(
         title=f"What recurs over {count} persons with {document.model}",
         headline=document.headline,
@@ -334,7 +315,7 @@ def summarise(document: RecurringDocument) -> Summary:
             *document.notes,
             *(f"{who} was not searched: {said}" for who, said in document.failed.items()),
         ],
-        tables=tables,
+        tables=[corrected, recurring] if rows else [recurring],
     )
 
 

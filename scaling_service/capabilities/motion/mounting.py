@@ -34,9 +34,7 @@ from scaling_service.model.people import read_people
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.posterior import solve_posterior
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
-from scaling_service.numerics.multibody.rigid import (
-    rotate_about,
-)
+from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import SweepSettings
 
 NOWHERE: abc.Mapping[str, tuple[str, Array]] = MappingProxyType({})

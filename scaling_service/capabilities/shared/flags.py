@@ -62,14 +62,11 @@ Workers = typing.Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
 class Only:
     """Beside an options model in a command's signature: the flags that this command has."""
 
-    names: tuple[str, ...]  # of fields, wherever in the model they are
-
     def __init__(self, *names: str) -> None:
-        object.__setattr__(self, "names", names)
+        self.names = names  # of fields, wherever in the model they are
 
 
 @dataclass(frozen=True, slots=True)

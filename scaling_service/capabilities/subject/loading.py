@@ -12,10 +12,7 @@ from types import MappingProxyType
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels, reading
 from scaling_service.capabilities.subject import rotations as subject_rotations
-from scaling_service.capabilities.subject.axes import (
-    decide_axes,
-    list_level_corners,
-)
+from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.core.errors import TrialUnusable

@@ -40,16 +40,8 @@ def compare_groups(
 ) -> documents.FriedmanEntry:
     """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_subjects, n_methods)
-
-    Raises
-    ------
-    ValueMissing
-        A value is not finite; subject and method are named.
-    ComparisonImpossible
-        Fewer than two subjects or methods.
+    ``values``: (n_subjects, n_methods). Raises ValueMissing: one is not finite; subject and method are named.
+    Raises ComparisonImpossible: fewer than two subjects or methods.
 
     Examples
     --------

@@ -141,7 +141,16 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)
     check_names(((name, name, Path(name, base.DOCUMENT)) for name in request.subjects), _COHORT)
-    outcomes = read_outcomes(request, inputs)
+    # How every subject ended, in the request's order, as its own job says
+    ended = json.loads((inputs / base.PARTS).read_text(encoding="utf-8"))
+    ends = {end["request"]["subject"]: end for end in ended}
+    labels = sorted({label for given in request.groups.values() for label in given})
+    outcomes = [
+        _read_outcome(
+            name, ends[name], {label: request.groups.get(name, {}).get(label, "") for label in labels}, inputs
+        )
+        for name in request.subjects
+    ]
     if all(outcome.status == "skipped" for outcome in outcomes):
         reasons = (reason for outcome in outcomes for reason in outcome.reason.split("; "))
         raise explain_none_possible(reasons, request.methods, _COHORT)
@@ -149,19 +158,6 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     save_cohort(result.document, outcomes, outputs)
     write_tables(result.tables, result.document)
     return result.document.model_dump(mode="json")
-
-
-def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
-    """How every subject ended, in the request's order, as its own job says."""
-    ended = json.loads((inputs / base.PARTS).read_text(encoding="utf-8"))
-    ends = {end["request"]["subject"]: end for end in ended}
-    labels = sorted({label for given in request.groups.values() for label in given})
-    return [
-        _read_outcome(
-            name, ends[name], {label: request.groups.get(name, {}).get(label, "") for label in labels}, inputs
-        )
-        for name in request.subjects
-    ]
 
 
 def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:

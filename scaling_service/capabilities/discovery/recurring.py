@@ -137,13 +137,7 @@ Left = Mapping[str, Mapping[str, float]]
 def find_recurring(
     found: Mapping[str, DiscoverResults], failed: Mapping[str, str] | None = None
 ) -> Recurring:
-    """What persons share whose generic models have joints in common.
-
-    Raises
-    ------
-    InputError
-        Fewer than two persons, or models with nothing in common.
-    """
+    """What persons share; InputError: they are fewer than two, or their models have nothing in common."""
     if len(found) < pooling.FEWEST:
         lacking = "".join(f"; {who}: {why}" for who, why in (failed or {}).items())
         raise InputError(
@@ -342,22 +336,11 @@ def discover_recurring(
     report: bool = True,
     progress: Progress | None = None,
 ) -> Recurring:
-    """Search every person of a cohort, and what they share.
+    """Search every person of a cohort, and what they share; errors as :func:`find_recurring`.
 
-    Parameters
-    ----------
-    cohort : path
-        CSV file with a column ``subject``, or a folder of subject files.
-    out : path
-        A folder for each person is made in it, beside ``recurring.json`` and ``generic_model.*``.
-    chosen, settings
-        As for :func:`scaling_service.discover`.
-
-    Raises
-    ------
-    InputError
-        There are fewer than two persons whose recordings can be searched, or their models have nothing in
-        common.
+    ``cohort``: CSV file with a column ``subject``, or a folder of subject files. ``out``: a folder for each
+    person is made in it, beside ``recurring.json`` and ``generic_model.*``. ``chosen``, ``settings``: as for
+    :func:`scaling_service.discover`.
     """
     clock, report_to, folder = time.perf_counter(), progress or show_nothing, Path(out)
     members, passed = read_members(Path(cohort))

@@ -140,7 +140,17 @@ def save_discovery(
     before = _list_written_before(Path(folder))
     with writing.all_or_nothing(Path(folder)) as scratch:
         say("writing the model", 0.0)
-        notes = _write_models(scratch, results)
+        # A model for all recordings, and one for each recording that has something of its own
+        fit, bones = results.lasting, results.bones
+        write_model_json(scratch / "model.json", bones.add_to(models.correct_model(fit)))
+        own = models.make_own_models(fit)
+        for trial, model in own.items():
+            write_model_json(scratch / f"{trial}_model.json", bones.add_to(model))
+        notes = (
+            *bones.notes,
+            *(f"{trial}_model.json holds what was found in {trial} only" for trial in own),
+            *models.write_corrected_osim(scratch / "model.osim", fit, results.prepared),
+        )
         say("writing recordings", 0.5)
         notes += write_corrected(scratch, results.after, results.prepared)
         notes += write_contacts(scratch, results.after)
@@ -173,13 +183,3 @@ def _list_written_before(folder: Path) -> set[Path]:
     return {
         folder / name for name in document.files if (folder / name).resolve().is_relative_to(folder.resolve())
     }
-
-
-def _write_models(folder: Path, results: DiscoverResults) -> tuple[str, ...]:
-    """``model.json`` and ``model.osim``, and a model for each recording that has something of its own."""
-    fit, bones, notes = results.lasting, results.bones, list(results.bones.notes)
-    write_model_json(folder / "model.json", bones.add_to(models.correct_model(fit)))
-    for trial, model in models.make_own_models(fit).items():
-        write_model_json(folder / f"{trial}_model.json", bones.add_to(model))
-        notes.append(f"{trial}_model.json holds what was found in {trial} only")
-    return (*notes, *models.write_corrected_osim(folder / "model.osim", fit, results.prepared))

@@ -85,20 +85,10 @@ class Weight:
 
 
 def weigh(declared_kg: float, blocks: abc.Mapping[str, abc.Iterable[tuple[Array, Array]]]) -> Weight | None:
-    """Mass from vertical forces.
+    """Mass from vertical forces; None where no frame counts.
 
-    Parameters
-    ----------
-    declared_kg : float
-        The model's mass.
-    blocks : mapping
-        By recording, for each block of time: vertical force measured and vertical force that the model's
-        motion needs, of the frames that count (n,), N.
-
-    Returns
-    -------
-    Weight or None
-        None where no frame counts.
+    ``declared_kg``: the model's. ``blocks``: by recording, for each block of time, the vertical force
+    measured and the one that the model's motion needs, of the frames that count (n,), N.
     """
     sums = {
         name: np.array([(m.sum(), n.sum()) for m, n in some if len(m)]).reshape(-1, 2)

@@ -195,13 +195,8 @@ def assign_others(
     sets = [f.name for f in found if f.kind == "setup" and f.content == "marker_set"]
     if len(sets) == 1:
         yield sets[0], ("marker_set", "the only one")
-    yield from _choose_setup([f for f in found if f.content == "scale_setup"], found)
-
-
-def _choose_setup(
-    setups: abc.Sequence[intake_files.InputFile], found: abc.Sequence[intake_files.InputFile]
-) -> abc.Iterator[tuple[str, tuple[str, str]]]:
-    """The scale set-up; of several the one whose markers the recordings show."""
+    # The scale set-up; of several the one whose markers the recordings show
+    setups = [f for f in found if f.content == "scale_setup"]
     if len(setups) < 2:
         yield from ((f.name, ("scale_setup", "the only one")) for f in setups)
         return

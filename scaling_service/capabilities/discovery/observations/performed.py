@@ -39,9 +39,9 @@ _SMOOTH_HZ = 3.0  # chosen: which foot is the lowest changes at once, the pelvis
 _SIDES = ("_r", "_l")
 
 
-def _make_wave(mean_deg: float, swing_deg: float, lead: float = 0.0, times: int = 1) -> _Course:
+def _make_wave(mean_deg: float, swing_deg: float, lead: float = 0.0) -> _Course:
     """Degrees over a cycle 0 to 1."""
-    return lambda phase: np.radians(mean_deg + swing_deg * np.cos(2.0 * np.pi * (times * phase + lead)))
+    return lambda phase: np.radians(mean_deg + swing_deg * np.cos(2.0 * np.pi * (phase + lead)))
 
 
 MOVEMENTS: Mapping[str, Mapping[str, _Course]] = {

@@ -102,7 +102,7 @@ def save(
     >>> list(document.methods)
     ['MB']
     """
-    tell, gait, verdict = progress or progressing.show_nothing, results.gait, results.verdict
+    tell, gait = progress or progressing.show_nothing, results.gait
     with writing.all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, documents.MethodResult] = {}
         bare = [name for name, scaling in results.scalings.items() if scaling.osim is None]
@@ -113,7 +113,7 @@ def save(
             methods[method] = _write_method(
                 scratch / method, scaling, gait[method], results, scaling.osim or texts[method]
             )
-        document = make_comparison_document(results, methods, truth, verdict)
+        document = make_comparison_document(results, methods, truth)
         for method, own in make_scaling_documents(document).items():
             writing.write_json(scratch / method / "scaling.json", own)
         if comparison:
@@ -206,7 +206,6 @@ def make_comparison_document(
     results: result.Results,
     methods: dict[str, documents.MethodResult],
     truth: documents.TruthDocument | None,
-    verdict: evidence.Verdict,
 ) -> documents.ComparisonDocument:
     """``comparison.json``."""
     session, settings = results.session, results.settings
@@ -215,7 +214,7 @@ def make_comparison_document(
     return documents.ComparisonDocument(
         **provenance.record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
         sizes=provenance.read_stated_sizes(session.subject),
-        verdict=documents.VerdictDocument.model_validate(verdict, from_attributes=True),
+        verdict=results.verdict,
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -137,8 +138,13 @@ def save_discovery(
     'nothing'
     """
     say = progress or show_nothing
-    before = _list_written_before(Path(folder))
-    with writing.all_or_nothing(Path(folder)) as scratch:
+    # What an earlier search says that it wrote there
+    before, place = set[Path](), Path(folder)
+    with suppress(OSError, ValidationError):
+        earlier = DiscoveryDocument.model_validate_json((place / FILE_NAME).read_bytes())
+        inside = (place / name for name in earlier.files)
+        before = {path for path in inside if path.resolve().is_relative_to(place.resolve())}
+    with writing.all_or_nothing(place) as scratch:
         say("writing the model", 0.0)
         # A model for all recordings, and one for each recording that has something of its own
         fit, bones = results.lasting, results.bones
@@ -168,18 +174,7 @@ def save_discovery(
                 beside=document.files,
                 vocabulary={"hidden_in_example": describe_hidden(document)},
             ).write(scratch)
-    for path in before - {Path(folder) / name for name in document.files}:
+    for path in before - {place / name for name in document.files}:
         path.unlink(missing_ok=True)
     say("done", 1.0)
     return document
-
-
-def _list_written_before(folder: Path) -> set[Path]:
-    """What an earlier search says that it wrote into a folder."""
-    try:
-        document = DiscoveryDocument.model_validate_json((folder / FILE_NAME).read_bytes())
-    except (OSError, ValidationError):
-        return set()
-    return {
-        folder / name for name in document.files if (folder / name).resolve().is_relative_to(folder.resolve())
-    }

@@ -113,8 +113,7 @@ def place_centres(
         local = np.einsum("nij,nj->ni", axes, point - origin)
         known = local[np.isfinite(local).all(axis=1)]
         if len(known):
-            x, y, z = (float(v) for v in known.mean(axis=0))
-            found[name] = (x, y, z)
+            found[name] = body.to_vector(known.mean(axis=0))
     return found
 
 

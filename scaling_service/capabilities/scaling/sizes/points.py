@@ -263,10 +263,8 @@ def with_sacrum(model: body.BodyModel, trials: abc.Iterable[Trial]) -> body.Body
     ):
         return model
     right, left = marked["RPSIS"], marked["LPSIS"]
-    x, y, z = np.add(right.nominal, left.nominal) / 2.0
-    new = body.Marker.at(
-        sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight
-    )
+    between = body.to_vector(np.add(right.nominal, left.nominal) / 2.0)
+    new = body.Marker.at(sorted(labels)[0], right.segment, between, weight=right.weight)
     return model.with_markers((*model.markers, new))
 
 

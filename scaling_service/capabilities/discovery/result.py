@@ -175,8 +175,9 @@ def _make_effect(named: search_findings.NamedEffect, results: DiscoverResults) -
         known = None if isinstance(number.value, tuple) else usual(name)
         if known is not None and not isinstance(number.value, tuple):
             sizes.append(known.chance(number.value, number.sd or 0.0))
+            implausible = not known.low <= number.value <= known.high
             number = documents.QuantityDocument(**dict(number) | {"usual": (known.low, known.high)})
-            if number.implausible:
+            if implausible:
                 said = f"{list_few(candidate.where)}: {words.format_quantity(name, number)}"
                 met = f"{words.format_figures(known.low)} to {words.format_figures(known.high)} is met"
                 cautions.append(f"{said} is implausible: {met} ({cite_source_of_sizes(candidate.kind)})")

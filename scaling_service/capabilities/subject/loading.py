@@ -239,7 +239,9 @@ def understand(
         trials={
             path: orientations.apply(axes, named[path][0])
             if path in named
-            else subject_rotations.turn_alone(found.trial, settings)
+            else orientations.turn_rotations(  # whose laboratory may be another
+                subject_rotations.decide_axes_of_rotations(found.trial, settings), found.trial
+            )
             for path, found in files.recordings.items()
         },
         labels={path: used for path, (_, used) in named.items()},

@@ -139,10 +139,6 @@ class FunctionalJoints:
     knees: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def hip_in(self, trial: Trial, side: str) -> Array:
-        """A hip centre carried by the pelvis' markers through a trial, (n_frames, 3), m."""
-        return self.posture.cluster("pelvis").poses(trial).place(self.hips[side])
-
 
 class _NotFound(Exception):
     """Why a joint's centre or axis was not taken."""
@@ -246,7 +242,7 @@ def find_functional_joints(session: Session, settings: CalibrationSettings) -> F
     Raises SubjectInvalid: an ``.osim`` file or another model that keeps its own joints.
     Raises TrialUnusable: nothing of what was asked for can be found on either side.
     """
-    if not settings.uses_movements:
+    if "functional" not in (settings.hip_centre, settings.knee_axis):
         return None
     names = session.model.segment_names
     own_file = session.subject.model.lower().endswith(".osim")

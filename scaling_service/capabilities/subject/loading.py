@@ -95,14 +95,6 @@ class Understood:
     axes: orientations.Orientation
     notes: tuple[Note, ...]
 
-    def list_used_labels(self) -> dict[str, tuple[str, ...]]:
-        """Model marker to the labels that were taken for it in the recordings."""
-        used: dict[str, tuple[str, ...]] = {}
-        for name in labels.list_wanted(self.model, self.subject):
-            if taken := tuple(dict.fromkeys(one[name] for one in self.labels.values() if name in one)):
-                used[name] = taken
-        return used
-
 
 def open_subject(
     subject: subjects.Subject | str | Path,
@@ -321,7 +313,11 @@ def prepare(
     )
     return Loaded(
         session=session,
-        markers_used=understood.list_used_labels(),
+        markers_used={
+            name: taken
+            for name in labels.list_wanted(understood.model, subject)
+            if (taken := tuple(dict.fromkeys(one[name] for one in understood.labels.values() if name in one)))
+        },
         axes=understood.axes.description,
         orientation=understood.axes,
         plates={path: found.plates for path, found in files.recordings.items() if found.plates is not None},

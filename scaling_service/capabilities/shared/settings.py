@@ -103,6 +103,11 @@ class CalibrationSettings(options.Options):
         "(spherical).",
     )
 
+    @property
+    def uses_movements(self) -> bool:
+        """Whether linear scaling looks at functional movements."""
+        return self.hip_centre == "functional" or self.knee_axis == "functional"
+
 
 PAPER = CalibrationSettings()
 """The settings of Puchaud 2019, with motion and parameters solved together."""

@@ -242,7 +242,7 @@ def find_functional_joints(session: Session, settings: CalibrationSettings) -> F
     Raises SubjectInvalid: an ``.osim`` file or another model that keeps its own joints.
     Raises TrialUnusable: nothing of what was asked for can be found on either side.
     """
-    if "functional" not in (settings.hip_centre, settings.knee_axis):
+    if not settings.uses_movements:
         return None
     names = session.model.segment_names
     own_file = session.subject.model.lower().endswith(".osim")

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from scaling_service.core.errors import InputError
 
 Rounded = Annotated[float, AfterValidator(lambda value: round(value, 4))]
 """In mm or degrees: a tenth of a micrometre, or less than a second of arc."""
+
+Known = Annotated[
+    float | None,
+    BeforeValidator(lambda v: v if not isinstance(v, float) else round(v, 4) if math.isfinite(v) else None),
+]
+"""The same; null where it is not finite."""
 
 DOCUMENT = "subject.json"  # under this name a subject's document lies beside its files when a job computes
 

@@ -16,22 +16,22 @@ class TrialError(base.Part):
     """Distances between measured and model markers over one trial, mm."""
 
     role: Literal["calibration", "evaluation"] = Field(description="Evaluation trials were not used to fit.")
-    mean: float = Field(description="Over frames and markers.")
-    sd: float = Field(description="Over frames, of each frame's mean.")
-    rms: float
-    max: float
-    anatomical_mean: float | None = Field(description="Over markers on bony landmarks; null if none.")
-    tracking_mean: float | None = Field(description="Over markers on soft tissue; null if none.")
+    mean: base.Rounded = Field(description="Over frames and markers.")
+    sd: base.Rounded = Field(description="Over frames, of each frame's mean.")
+    rms: base.Rounded
+    max: base.Rounded
+    anatomical_mean: base.Known = Field(description="Over markers on bony landmarks; null if none.")
+    tracking_mean: base.Known = Field(description="Over markers on soft tissue; null if none.")
     frames: int
-    per_marker: dict[str, float] = Field(description="Marker to mean distance.")
+    per_marker: dict[str, base.Rounded] = Field(description="Marker to mean distance.")
 
 
 class JointCentre(base.Part):
     """Where a joint turns, in the frame of its proximal segment, mm."""
 
     frame: str
-    xyz: tuple[float, float, float]
-    sd_mm: tuple[float, float, float] | None = Field(
+    xyz: tuple[base.Rounded, base.Rounded, base.Rounded]
+    sd_mm: tuple[base.Rounded, base.Rounded, base.Rounded] | None = Field(
         default=None, description="Standard deviation along each axis; null where it is not known."
     )
 
@@ -39,17 +39,19 @@ class JointCentre(base.Part):
 class LengthEstimate(base.Part):
     """How well a length between joint centres is known, and what decides it; the shares add up to one."""
 
-    sd_mm: float = Field(description="Standard deviation.")
-    measured: float = Field(description="Share of the segment's own distances.")
-    others: float = Field(description="Share of other segments' distances.")
-    expected: float = Field(description="Share of what persons of this stature, mass and sex are like.")
+    sd_mm: base.Rounded = Field(description="Standard deviation.")
+    measured: base.Rounded = Field(description="Share of the segment's own distances.")
+    others: base.Rounded = Field(description="Share of other segments' distances.")
+    expected: base.Rounded = Field(
+        description="Share of what persons of this stature, mass and sex are like."
+    )
 
 
 class KneeAxis(base.Part):
     """Turns of a knee's axis about x and y of the thigh, degrees."""
 
-    x: float
-    y: float
+    x: base.Rounded
+    y: base.Rounded
 
 
 class FittedParameter(base.Part):
@@ -68,16 +70,16 @@ class FittedParameter(base.Part):
 class WallTime(base.Part):
     """Seconds."""
 
-    calibration: float
-    inverse_kinematics: float
+    calibration: base.Rounded
+    inverse_kinematics: base.Rounded
 
 
 class ClinicalCycle(base.Part):
     """One gait cycle, from contact to contact of the same foot."""
 
     trial: str
-    start_s: float
-    end_s: float
+    start_s: base.Rounded
+    end_s: base.Rounded
 
 
 class ClinicalCurve(base.Part):
@@ -124,14 +126,14 @@ class MethodResult(base.Part):
 
     method: str
     kinematic_error_mm: dict[str, TrialError]
-    fitted_mean_mm: float | None = Field(
+    fitted_mean_mm: base.Known = Field(
         default=None, description="Mean kinematic error of the calibration trials, each counting once."
     )
-    held_out_mean_mm: float | None = Field(
+    held_out_mean_mm: base.Known = Field(
         default=None, description="Of the evaluation trials; null where none was held out."
     )
-    held_out_ratio: float | None = Field(default=None, description="Held out over fitted; null without both.")
-    segment_lengths_mm: dict[str, float]
+    held_out_ratio: base.Known = Field(default=None, description="Held out over fitted; null without both.")
+    segment_lengths_mm: dict[str, base.Rounded]
     length_estimates: dict[str, LengthEstimate] = Field(
         default={},
         description="Of lengths that distances and anthropometry gave; fitted ones have parameters.",
@@ -142,7 +144,7 @@ class MethodResult(base.Part):
     )
     joint_centres_mm: dict[str, JointCentre]
     knee_axis_deg: dict[str, KneeAxis]
-    marker_shift_mm: dict[str, float]
+    marker_shift_mm: dict[str, base.Rounded]
     scale_factors: dict[str, tuple[float, float, float]]
     parameters: list[FittedParameter]
     cumulative_error_mm2: float | None = Field(
@@ -190,8 +192,8 @@ class ScalingDocument(Provenance, MethodResult):
 class TruthDocument(base.Part):
     """The known answer of a virtual subject, and each method's distance from it."""
 
-    segment_lengths_mm: dict[str, float]
-    errors: dict[str, dict[str, float]] = Field(description="Method to measure to value.")
+    segment_lengths_mm: dict[str, base.Rounded]
+    errors: dict[str, dict[str, base.Rounded]] = Field(description="Method to measure to value.")
 
 
 class TrustNote(base.Part):

@@ -1,4 +1,4 @@
-"""``model.json``: a body model that this program wrote, read as a file that a person gave."""
+"""``model.json``: a body model as this program writes it, and reads it as a file that a person gave."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.tables import read_bytes
 from scaling_service.model.body import BodyModel
-from scaling_service.model.document import from_document
+from scaling_service.model.document import from_document, to_document
 
 SUFFIX = ".json"
 
@@ -41,3 +41,8 @@ def read_model_json(path: str | Path) -> BodyModel:
             f"this is {other}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
         )
     return from_document(content, file=file)
+
+
+def write_model_json(path: Path, model: BodyModel) -> None:
+    """Write a model so that :func:`read_model_json` returns it."""
+    path.write_text(json.dumps(to_document(model), indent=1, allow_nan=False) + "\n", encoding="utf-8")

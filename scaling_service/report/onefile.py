@@ -20,7 +20,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from scaling_service.documents.writing import code_version
+from scaling_service.documents.writing import REPORT, code_version
 from scaling_service.report.summary import Summary
 
 BUNDLE = Path(__file__).parents[1] / "service" / "page" / "built" / "report"
@@ -85,6 +85,10 @@ class Report:
             f"<code>{escape(self.name)}</code>, too."
             f"{licences}</footer>{views}</body></html>\n"
         )
+
+    def write(self, folder: Path) -> None:
+        """The file ``report.html`` in a folder."""
+        (folder / REPORT).write_text(self.html(), encoding="utf-8")
 
     def _write_data(self) -> str:
         """All that the views show, as JSON that no browser executes."""

@@ -151,8 +151,7 @@ def save_study(document: StudyDocument, summary: Summary, folder: str | Path) ->
     """Write a study into a folder, all or nothing, and name the files."""
     with writing.all_or_nothing(Path(folder)) as scratch:
         writing.write_json(scratch / DOCUMENT, document)
-        report = Report(kind="study", name=DOCUMENT, summary=summary, document=document)
-        (scratch / writing.REPORT).write_text(report.html(), encoding="utf-8")
+        Report(kind="study", name=DOCUMENT, summary=summary, document=document).write(scratch)
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 

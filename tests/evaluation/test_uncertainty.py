@@ -168,7 +168,6 @@ def test_windows_are_taken_by_what_they_add() -> None:
     everything = choose_frames(given, noise, window_s=1.0, count=100)
     assert everything.share == pytest.approx(1.0)
     assert 3 / 8 < choice.share < 1.0
-    assert choice.frames.sum() <= 300
     with pytest.raises(InputError, match="windows"):
         choose_frames(given, noise, window_s=0.01)
 

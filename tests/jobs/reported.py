@@ -22,7 +22,7 @@ def document_of(results: Results, truth: TruthDocument | None = None) -> Compari
         name: make_method_document(scaling, results, results.gait[name])
         for name, scaling in results.scalings.items()
     }
-    return make_comparison_document(results, methods, truth, results.verdict)
+    return make_comparison_document(results, methods, truth)
 
 
 def html_of(results: Results, document: ComparisonDocument) -> str:

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike
 
 from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import summary
-from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics import complete
 
 SAME = 1e-9
@@ -40,16 +39,8 @@ def compare_groups(
 ) -> documents.FriedmanEntry:
     """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_subjects, n_methods)
-
-    Raises
-    ------
-    ValueMissing
-        A value is not finite; subject and method are named.
-    ComparisonImpossible
-        Fewer than two subjects or methods.
+    ``values``: (n_subjects, n_methods). Raises ValueMissing: one is not finite; subject and method are named.
+    Raises ComparisonImpossible: fewer than two subjects or methods.
 
     Examples
     --------
@@ -72,6 +63,12 @@ def compare_groups(
     spread = n * float(np.sum((mean_rank - (k + 1) / 2) ** 2))
     statistic = spread / variance if variance > 0.0 else 0.0
     p = float(scipy.stats.chi2.sf(statistic, k - 1))
+    # Tukey's HSD on mean ranks, whose standard error is known
+    first, second = np.array(list(combinations(range(k), 2))).T
+    error, apart = math.sqrt(variance / n), np.abs(mean_rank[first] - mean_rank[second])
+    q = apart / error if error > 0.0 else np.zeros(len(first))
+    of_pairs = scipy.stats.studentized_range.sf(q, k, np.inf)
+    differences = table[:, first] - table[:, second]
     return documents.FriedmanEntry(
         chi_square=statistic,
         degrees_of_freedom=k - 1,
@@ -79,29 +76,17 @@ def compare_groups(
         kendall_w=statistic / (n * (k - 1)),
         alpha=alpha,
         significant=p < alpha,
-        pairs=_compare_pairs(table, mean_rank, math.sqrt(variance / n), methods, alpha, gate=p < alpha),
+        pairs=[
+            documents.RankedPairEntry(
+                methods=(methods[first[i]], methods[second[i]]),
+                difference_mean=differences[:, i].mean(),
+                difference_sd=differences[:, i].std(ddof=1),
+                p=of_pairs[i],
+                significant=p < alpha and bool(of_pairs[i] < alpha),
+            )
+            for i in range(len(first))
+        ],
     )
-
-
-def _compare_pairs(
-    table: Array, mean_rank: Array, error: float, methods: abc.Sequence[str], alpha: float, *, gate: bool
-) -> list[documents.RankedPairEntry]:
-    """Tukey's HSD on mean ranks whose standard error is known."""
-    first, second = np.array(list(combinations(range(len(methods)), 2))).T
-    apart = np.abs(mean_rank[first] - mean_rank[second])
-    q = apart / error if error > 0.0 else np.zeros(len(first))
-    p = scipy.stats.studentized_range.sf(q, len(methods), np.inf)
-    differences = table[:, first] - table[:, second]
-    return [
-        documents.RankedPairEntry(
-            methods=(methods[first[i]], methods[second[i]]),
-            difference_mean=float(differences[:, i].mean()),
-            difference_sd=float(differences[:, i].std(ddof=1)),
-            p=float(p[i]),
-            significant=bool(gate and p[i] < alpha),
-        )
-        for i in range(len(first))
-    ]
 
 
 def _average_errors(method: summary.MethodSummary) -> dict[str, float]:

@@ -6,6 +6,7 @@ import itertools
 import json
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -110,10 +111,7 @@ class BatchRequest(job.WithTables):
 
 
 def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Scale one subject as ``batch`` does on the command line; the result says how it ended.
-
-    InputError: whatever in the subject, the model or the recordings cannot be used: the subject failed.
-    """
+    """Scale one subject as ``batch`` does on the command line; the result says how it ended."""
     from scaling_service.capabilities.cohort.outcomes import NothingPossible, SubjectMember
 
     clock = time.perf_counter()
@@ -143,7 +141,16 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)
     check_names(((name, name, Path(name, base.DOCUMENT)) for name in request.subjects), _COHORT)
-    outcomes = read_outcomes(request, inputs)
+    # How every subject ended, in the request's order, as its own job says
+    ended = json.loads((inputs / base.PARTS).read_text(encoding="utf-8"))
+    ends = {end["request"]["subject"]: end for end in ended}
+    labels = sorted({label for given in request.groups.values() for label in given})
+    outcomes = [
+        _read_outcome(
+            name, ends[name], {label: request.groups.get(name, {}).get(label, "") for label in labels}, inputs
+        )
+        for name in request.subjects
+    ]
     if all(outcome.status == "skipped" for outcome in outcomes):
         reasons = (reason for outcome in outcomes for reason in outcome.reason.split("; "))
         raise explain_none_possible(reasons, request.methods, _COHORT)
@@ -153,42 +160,15 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     return result.document.model_dump(mode="json")
 
 
-def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
-    """How every subject ended, in the request's order, as its own job says."""
-    ended = json.loads((inputs / base.PARTS).read_text(encoding="utf-8"))
-    ends = {end["request"]["subject"]: end for end in ended}
-    labels = sorted({label for given in request.groups.values() for label in given})
-    return [
-        _read_outcome(
-            name, ends[name], {label: request.groups.get(name, {}).get(label, "") for label in labels}, inputs
-        )
-        for name in request.subjects
-    ]
-
-
 def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
     from scaling_service.capabilities.cohort.outcomes import Outcome, read_summary
 
-    shown = f"{name}/{base.DOCUMENT}"
+    outcome = Outcome(name=name, groups=groups, status="failed", shown=f"{name}/{base.DOCUMENT}")
     if end["state"] != jobs.State.DONE:
-        return Outcome(
-            name=name,
-            groups=groups,
-            status="failed",
-            reason=str(jobs.Failure.model_validate(end["failure"])),
-            shown=shown,
-        )
+        return replace(outcome, reason=str(jobs.Failure.model_validate(end["failure"])))
     result = MemberResult.model_validate(end["result"])
     summary = read_summary(inputs / name) if result.status == "done" else None
-    return Outcome(
-        name=name,
-        groups=groups,
-        status=result.status,
-        reason=result.reason,
-        summary=summary,
-        wall_s=result.wall_s,
-        shown=shown,
-    )
+    return replace(outcome, summary=summary, **result.model_dump())
 
 
 def list_kinds() -> dict[str, job.Kind]:

@@ -221,7 +221,21 @@ class SubjectMember:
         possible, left_out = select_possible_methods(subject, methods)
         if not possible:
             raise NothingPossible("; ".join(f"{method}: {why}" for method, why in left_out.items()))
-        specified = hash_inputs(self.file, subject, methods, settings)
+        # SHA-256 of what the results depend on: the document as it is understood, so that comments and order
+        # change nothing, and every file that it names, by its content
+        inputs = reading.hash_input_files(subject, self.file)
+        del inputs[self.file.resolve().name]
+        content = {
+            "record": RECORD_VERSION,
+            "code": code_version(),
+            "document": read_document(self.file).model_dump(mode="json"),
+            "inputs": inputs,
+            "methods": None if methods is None else list(methods),
+            "settings": settings.resolved(),
+            "seed": settings.seed,
+        }
+        text = json.dumps(content, sort_keys=True, ensure_ascii=True)
+        specified = hashlib.sha256(text.encode("ascii")).hexdigest()
         known = None if self.force else read_record(self.folder)
         if known is not None and known.specification == specified:
             return Done(known.summary, kept=True)
@@ -245,27 +259,6 @@ class SubjectMember:
         new.write_text(json.dumps(TypeAdapter(Record).dump_python(record)) + "\n", encoding="utf-8")
         new.replace(self.folder / RECORD)
         return Done(summary)
-
-
-def hash_inputs(file: Path, subject: Subject, methods: abc.Sequence[str] | None, settings: Settings) -> str:
-    """SHA-256 of what a subject's results depend on.
-
-    The subject document counts as it is understood, not as it is written: comments and order change nothing.
-    Every file that it names counts by its content.
-    """
-    inputs = reading.hash_input_files(subject, file)
-    del inputs[file.resolve().name]
-    content = {
-        "record": RECORD_VERSION,
-        "code": code_version(),
-        "document": read_document(file).model_dump(mode="json"),
-        "inputs": inputs,
-        "methods": None if methods is None else list(methods),
-        "settings": settings.resolved(),
-        "seed": settings.seed,
-    }
-    text = json.dumps(content, sort_keys=True, ensure_ascii=True)
-    return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
 def read_record(folder: Path) -> Record | None:

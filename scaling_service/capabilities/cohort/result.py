@@ -90,7 +90,7 @@ class CurveTestEntry(base.Part):
     """A statistic along the gait cycle against its rearrangements."""
 
     statistic: list[base.Rounded]
-    threshold: base.Rounded | None = Field(description="Null where no outcome could be significant.")
+    threshold: base.Known = Field(description="Null where no outcome could be significant.")
     p: float
     alpha: float = Field(description="After correction for the number of pairs.")
     significant: bool
@@ -135,8 +135,8 @@ class Interval(base.Part):
     """A number with its confidence interval; null where it is not defined."""
 
     value: base.Rounded
-    low: base.Rounded | None
-    high: base.Rounded | None
+    low: base.Known
+    high: base.Known
 
 
 class AgreementEntry(base.Part):

@@ -31,14 +31,13 @@ def save_cohort(
         for name in list_tables():
             table = tabulate_outcomes(name, outcomes).to_frame()
             (scratch / name).write_text(table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
-        report = Report(
+        Report(
             kind="batch",
             name=DOCUMENT,
             summary=summarise(document),
             document=document,
             beside=list(list_tables()),
-        )
-        (scratch / writing.REPORT).write_text(report.html(), encoding="utf-8")
+        ).write(scratch)
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 

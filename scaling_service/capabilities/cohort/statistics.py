@@ -151,31 +151,22 @@ def _agree(
     found = agreement.measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
     # Where the reference does not differ between persons, intraclass correlations say nothing.
     varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
+    make = documents.Interval.model_validate
     yield documents.AgreementEntry(
         quantity=quantity,
         method=method,
         reference=reference,
         subjects=list(both),
         excluded=[s for s in table if s not in both],
-        bias_mm=_make_interval(found.bland_altman.bias),
+        bias_mm=make(found.bland_altman.bias),
         sd_mm=found.bland_altman.sd,
-        lower_mm=_make_interval(found.bland_altman.lower),
-        upper_mm=_make_interval(found.bland_altman.upper),
+        lower_mm=make(found.bland_altman.lower),
+        upper_mm=make(found.bland_altman.upper),
         rmse_mm=found.rmse,
-        icc_agreement=_make_interval(found.icc_agreement) if varies else None,
-        icc_consistency=_make_interval(found.icc_consistency) if varies else None,
+        icc_agreement=make(found.icc_agreement) if varies else None,
+        icc_consistency=make(found.icc_consistency) if varies else None,
         confidence=confidence,
     )
-
-
-def _make_interval(estimate: agreement.Estimate) -> documents.Interval:
-    return documents.Interval(
-        value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high)
-    )
-
-
-def _keep_finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _list_quantities(
@@ -263,7 +254,7 @@ def _by_method(panel: complete.Panel, curves: Array) -> dict[str, list[float]]:
 def _make_curve_test(test: CurveTest) -> documents.CurveTestEntry:
     return documents.CurveTestEntry(
         statistic=test.statistic.tolist(),
-        threshold=_keep_finite(test.threshold),
+        threshold=test.threshold,
         p=test.p,
         alpha=test.alpha,
         significant=test.significant,

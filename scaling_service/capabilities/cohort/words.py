@@ -68,7 +68,17 @@ def make_screen_tables(found: documents.StatisticsDocument) -> abc.Iterator[tabl
     for kind, title in TITLES.items():
         if entries := getattr(found, kind):
             rows.append(tables.Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
-            rows += list_quantity_rows(entries, methods)
+            rows += [
+                tables.Row(
+                    describe_quantity(entry.quantity),
+                    [
+                        str(len(entry.compared.subjects)),
+                        *(_spread(entry, method) for method in methods),
+                        "–" if entry.friedman is None else format_p(entry.friedman.p),
+                    ],
+                )
+                for entry in entries
+            ]
             everything += entries
     columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
     yield tables.Table(
@@ -91,23 +101,6 @@ def make_screen_tables(found: documents.StatisticsDocument) -> abc.Iterator[tabl
 def describe_quantity(name: str) -> str:
     """A quantity's name for people."""
     return _NAMES.get(name, words.spell_name(name))
-
-
-def list_quantity_rows(
-    entries: abc.Sequence[documents.QuantityEntry], methods: abc.Sequence[str]
-) -> list[tables.Row]:
-    """For each quantity: how many subjects, mean ± SD over them by each method, Friedman's p."""
-    return [
-        tables.Row(
-            describe_quantity(entry.quantity),
-            [
-                str(len(entry.compared.subjects)),
-                *(_spread(entry, method) for method in methods),
-                "–" if entry.friedman is None else format_p(entry.friedman.p),
-            ],
-        )
-        for entry in entries
-    ]
 
 
 def _spread(entry: documents.QuantityEntry, method: str) -> str:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared import settings as shared_settings
 
 COMMANDS = ("consistent",)
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.consistent.result import ConsistentDocument
 
 
 @flags.with_flags
@@ -40,11 +36,7 @@ def consistent(
         results = compute(subject, chosen, settings, progress=progress)
         document = save_consistent(results, out, report=report)
         write_tables(tabulate_consistent(results, document), document)
-    show(document, out)
-
-
-def show(document: ConsistentDocument, out: Path) -> None:
-    """The errors of the three ways, the warnings, and what was written."""
+    # The errors of the three ways, the warnings, and what was written
     from scaling_service.capabilities.consistent.words import describe_start, tabulate_errors
 
     console = screen.make_console()

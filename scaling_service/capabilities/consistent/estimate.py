@@ -68,7 +68,6 @@ def estimate_consistent(
     fitted: abc.Sequence[consistent_recording.ConsistentRecording],
     held_out: abc.Sequence[consistent_recording.ConsistentRecording] = (),
     settings: problems.ConsistentSettings = problems.ConsistentSettings(),
-    identification: identifications.IdentificationSettings = FREE_MASS,
     *,
     progress: Progress | None = None,
 ) -> ConsistentResult:
@@ -96,7 +95,7 @@ def estimate_consistent(
         say(f"{loop}: motion")
         table = inertia.with_inertias(now, inertia.gather_inertias(model))
         freedom = consistent_recording.find_inertial_freedom(
-            table, fitted, rated[: len(fitted)], settings, identification
+            table, fitted, rated[: len(fitted)], settings, FREE_MASS
         )
         earlier: list[motion.ConsistentMotion | None] = [*moved] or [None] * len(fitted)
         moved = [
@@ -132,7 +131,7 @@ def estimate_consistent(
             for r, m in zip(fitted, rated, strict=False)
         ]
         inertial = identifications.identify_inertia(
-            prior, forces, supported=fitted[0].components, settings=identification
+            prior, forces, supported=fitted[0].components, settings=FREE_MASS
         )
         now = inertial.model
         tracked = [_measure_errors(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]

@@ -41,7 +41,6 @@ class GeometricIdentification:
 
     model: BodyModel
     factors: abc.Mapping[str, float]  # segment to its length over that of the start
-    at_bound: tuple[str, ...]  # parameters that ended on a bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,14 +129,9 @@ def identify_geometry(
     values, vectors = np.linalg.eigh(normal)
     values = np.maximum(values, 1e-15 * values[-1])
     step = minimise_within(values, vectors, vectors.T @ slope, lower - start, upper - start)
-    after = start + step
-    found = dict(zip((p.name for p in freed.parameters), after.tolist(), strict=True))
+    found = dict(zip((p.name for p in freed.parameters), (start + step).tolist(), strict=True))
     folded = parameters.fold(freed, found)
     sizes = {m.name: m.follows_size for m in model.markers}
     changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
-    on_bound = (after <= lower + 1e-9) | (after >= upper - 1e-9)
-    return GeometricIdentification(
-        changed,
-        {p.target: found[p.name] for p in freed.parameters if p.group == "length"},
-        tuple(p.name for p, at in zip(freed.parameters, on_bound.tolist(), strict=True) if at),
-    )
+    factors = {p.target: found[p.name] for p in freed.parameters if p.group == "length"}
+    return GeometricIdentification(changed, factors)

@@ -20,24 +20,17 @@ class ConsistentRequest(job.OfForces, ForceSettings):
 
 
 def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write ``consistent.json``, motions, models and the report; the document is the result.
-
-    Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
-    """
+    """Write ``consistent.json``, motions, models and the report; the document is the result."""
+    from scaling_service.capabilities.consistent import saving
     from scaling_service.capabilities.consistent.run import consistent
-    from scaling_service.capabilities.consistent.saving import (
-        save_consistent,
-        tabulate_consistent,
-        write_wrenches,
-    )
     from scaling_service.capabilities.shared.tables import make_table_writer
 
     write_tables = make_table_writer(request.tables, outputs)
     chosen = request.part(ForceSettings)
     results = consistent(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
-    document = save_consistent(results, outputs)
-    write_wrenches(results, outputs)
-    write_tables(tabulate_consistent(results, document), document)
+    document = saving.save_consistent(results, outputs)
+    saving.write_wrenches(results, outputs)
+    write_tables(saving.tabulate_consistent(results, document), document)
     return document.model_dump(mode="json")
 
 

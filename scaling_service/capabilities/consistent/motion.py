@@ -50,8 +50,6 @@ class ConsistentMotion:
     # the joints
     glide: Array
     weight: float  # of the wrench against the markers, where both goals are attained alike
-    steps: int
-    converged: bool
 
 
 def solve_consistent_motion(
@@ -67,14 +65,15 @@ def solve_consistent_motion(
     expected of them, are equal: goal attainment with the goal zero, as in the paper.
     """
     at = problems.State(np.clip(start.coefficients, *bounds), start.shared)
-    now, converged, steps = problem.objectives(at), False, 0
-    while not converged and steps < STEPS:
-        steps += 1
+    now = problem.objectives(at)
+    for _ in range(STEPS):
         front = Front.of(*problem.normal(at), at.coefficients, bounds)
         step, weight = balance(front, weight)
         after, at = _descend(problem, at, now, step, weight)
         changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
-        converged, now = max(changes) < SETTLED, after
+        now = after
+        if max(changes) < SETTLED:
+            break
     motion = problem.motion(at.coefficients)
     parts = [np.ascontiguousarray(x.T) for x in (motion.q, motion.qdot, motion.qddot)]
     return ConsistentMotion(
@@ -83,8 +82,6 @@ def solve_consistent_motion(
         objectives=now,
         glide=problem.glide(at),
         weight=weight,
-        steps=steps,
-        converged=converged,
     )
 
 

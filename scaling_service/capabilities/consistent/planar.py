@@ -52,12 +52,12 @@ class SagittalPlane:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = markers.PLANAR_SOURCES) -> Trial:
+def join_sides(trial: Trial) -> Trial:
     """The planar model's markers as means of left and right, of a body in space or of the planar markers.
 
     NaN where a source is not seen. Markers without any source are left out.
     """
-    found: dict[str, Array] = {}
+    found, names = dict[str, Array](), markers.PLANAR_SOURCES
     for name, sources in names.items():
         shown = [s for s in ((name,) if name in trial.labels else sources) if s in trial.labels]
         if len(shown) == len(sources) or name in trial.labels:
@@ -89,14 +89,14 @@ def in_plane(trial: Trial, plane: SagittalPlane) -> Trial:
     return trial.with_markers(turned)
 
 
-def project_loads(loads: SegmentLoads, plane: SagittalPlane, foot: str = "foot") -> SegmentLoads:
+def project_loads(loads: SegmentLoads, plane: SagittalPlane) -> SegmentLoads:
     """The wrench of both feet together on the planar model's foot: force forward and up, moment about z."""
     total = loads.total
     force = total[:, :3] @ plane.rotation.T
     moment = (total[:, 3:] - np.cross(np.array(plane.origin), total[:, :3])) @ plane.rotation.T
     force[:, 2] = 0.0
     moment[:, :2] = 0.0
-    return SegmentLoads(loads.times, (foot,), force[:, None], moment[:, None])
+    return SegmentLoads(loads.times, ("foot",), force[:, None], moment[:, None])
 
 
 def scale_squat(generic: body.BodyModel, trial: Trial) -> body.BodyModel:

@@ -11,8 +11,6 @@ from pydantic import Field
 from scaling_service.capabilities.consistent import estimate
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics import start
-from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
 
@@ -103,14 +101,9 @@ class ConsistentResults:
     """What the loop made of a subject."""
 
     prepared: start.Prepared  # its model has the mass that the plates bear
-    chosen: ForceSettings
-    settings: shared_settings.Settings
     recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
-    fitted: int  # how many were fitted
     result: estimate.ConsistentResult
     document: ConsistentDocument  # ``consistent.json``
-    warnings: tuple[str, ...]
-    wall_s: float = 0.0
 
     @property
     def tracked(self) -> abc.Iterator[tuple[ConsistentRecording, dict[str, estimate.TrackedRecording]]]:

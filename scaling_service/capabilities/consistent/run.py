@@ -67,8 +67,6 @@ def consistent(
         )
     report("done", 1.0)
     prepared, recordings = ready.prepared, (*ready.fitted, *ready.held_out)
-    warnings = tuple(dict.fromkeys((*prepared.warnings, *ready.notes, *found.inertial.warnings)))
-    wall_s = time.perf_counter() - clock
     trials = {}
     for k, one in enumerate(recordings):
         ways = {way: tracked[k] for way, tracked in found.ways.items()}
@@ -105,21 +103,11 @@ def consistent(
             )
             for markers, wrench in found.history
         ],
-        warnings=list(warnings),
+        warnings=list(dict.fromkeys((*prepared.warnings, *ready.notes, *found.inertial.warnings))),
         files=[],
-        wall_s=round(wall_s, 3),
+        wall_s=round(time.perf_counter() - clock, 3),
     )
-    return result.ConsistentResults(
-        prepared=prepared,
-        chosen=chosen,
-        settings=settings,
-        recordings=recordings,
-        fitted=len(ready.fitted),
-        result=found,
-        document=document,
-        warnings=warnings,
-        wall_s=wall_s,
-    )
+    return result.ConsistentResults(prepared=prepared, recordings=recordings, result=found, document=document)
 
 
 def _make_wrench(values: Array, recording: ConsistentRecording) -> result.GroundWrench:

@@ -50,17 +50,14 @@ def save_consistent(
         if report:
             # `report.html`: the result's views with the ground wrench over time.
             files = onefile.collect_files(lambda folder: write_wrenches(results, folder, brief=True))
-            (scratch / writing.REPORT).write_text(
-                onefile.Report(
-                    kind="consistent",
-                    name=FILE_NAME,
-                    summary=words.summarise(document),
-                    document=document,
-                    files=files,
-                    beside=document.files,
-                ).html(),
-                encoding="utf-8",
-            )
+            onefile.Report(
+                kind="consistent",
+                name=FILE_NAME,
+                summary=words.summarise(document),
+                document=document,
+                files=files,
+                beside=document.files,
+            ).write(scratch)
     return document
 
 

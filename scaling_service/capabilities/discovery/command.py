@@ -8,30 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
-from scaling_service.capabilities.shared.screen import (
-    draw_bar,
-    list_files,
-    make_console,
-    print_subject,
-    print_table,
-    running,
-    say,
-)
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import Settings
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.discovery.document import DiscoveryDocument
 
 
-@with_flags
+@flags.with_flags
 def discover(
-    subject: SubjectFile,
-    out: Out,
+    subject: flags.SubjectFile,
+    out: flags.Out,
     chosen: DiscoverSettings,
-    settings: Annotated[Settings, Only("up", "forward", "seed")] = AS_MEASURED,
-    tables: Tables = "",
-    report: Report = True,
+    settings: Annotated[Settings, flags.Only("up", "forward", "seed")] = AS_MEASURED,
+    tables: flags.Tables = "",
+    report: flags.Report = True,
     everything: Annotated[
         bool, typer.Option("--all", help="Show the tables of all effects and gaps, too, not the story alone.")
     ] = False,
@@ -73,7 +64,7 @@ def discover(
     if subject.is_dir() or subject.suffix.lower() == ".csv":
         _discover_recurring(subject, out, chosen, settings, report=report, tables=tables)
         return
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.discovery.run import discover as compute
         from scaling_service.capabilities.discovery.saving import save_discovery
         from scaling_service.capabilities.shared.tables import make_table_writer
@@ -88,7 +79,7 @@ def discover(
 def _discover_recurring(
     cohort: Path, out: Path, chosen: DiscoverSettings, settings: Settings, *, report: bool, tables: str
 ) -> None:
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring, summarise
         from scaling_service.capabilities.shared.tables import make_table_writer
         from scaling_service.documents.writing import REPORT
@@ -96,21 +87,21 @@ def _discover_recurring(
         write_tables = make_table_writer(tables, out)
         found = discover_recurring(cohort, out, chosen, settings, report=report, progress=progress)
         write_tables({"recurring": found.effects}, found.document)
-    console, document = make_console(), found.document
+    console, document = screen.make_console(), found.document
     summary = summarise(document)
-    say(console, "Verdict", "bold", [f"{document.headline}."])
+    screen.say(console, "Verdict", "bold", [f"{document.headline}."])
     for k, line in enumerate(summary.why, 1):
         console.print(f"{k}. {line}", markup=False, highlight=False, soft_wrap=True)
     for table in summary.tables:
-        print_table(console, table)
-    say(console, "Note", "yellow", summary.cautions)
+        screen.print_table(console, table)
+    screen.say(console, "Note", "yellow", summary.cautions)
     files = [FILE_NAME, *([REPORT] if report else []), *document.corrected]
-    list_files(console, out, [f"{', '.join(files)}, and a folder for each person"])
+    screen.list_files(console, out, [f"{', '.join(files)}, and a folder for each person"])
 
 
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     """Search for what is hidden in a virtual person; the answer comes after the verdict."""
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.discovery.run import run_hidden_demo
         from scaling_service.capabilities.discovery.saving import save_discovery
 
@@ -124,29 +115,29 @@ def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) ->
     from scaling_service.capabilities.discovery import words
     from scaling_service.capabilities.discovery.document import FILE_NAME
 
-    console, summary = make_console(), words.summarise(document)
-    print_subject(console, document, words.describe_model(document))
-    say(console, "Verdict", "bold", [f"{document.headline}."])
+    console, summary = screen.make_console(), words.summarise(document)
+    screen.print_subject(console, document, words.describe_model(document))
+    screen.say(console, "Verdict", "bold", [f"{document.headline}."])
     told = words.list_told(document.effects)
     for k, effect in enumerate(told, 1):
         console.print(f"{k}. {effect.name}.", markup=False, highlight=False, soft_wrap=True)
         if share := words.describe_share(effect):
-            bar = draw_bar(effect.evidence.gain_held_out or 0.0)
+            bar = screen.draw_bar(effect.evidence.gain_held_out or 0.0)
             console.print(f"   {bar} {share}", markup=False, highlight=False, soft_wrap=True)
         console.print(f"   {effect.advice}", markup=False, highlight=False, soft_wrap=True)
     if (more := len(document.effects) - len(told)) > 0 and not everything:
         rest = f"And {more} more" if told else f"{more} named, which take next to nothing off the gap,"
-        say(console, rest, "bold", ["in discovery.json and report.html; --all lists them here"])
+        screen.say(console, rest, "bold", ["in discovery.json and report.html; --all lists them here"])
     if everything:
         for table in summary.tables:
-            print_table(console, table)
-        say(console, "Class", "cyan", words.describe_alike(document.effects))
-        say(console, "Bones", "cyan", words.describe_bones(document))
-    say(console, "Left", "yellow", words.describe_left(document))
-    say(console, "Doubt", "yellow", words.list_cautions(document.effects))
-    say(console, "Note", "yellow", document.notes)
-    list_files(console, out, [", ".join([*document.files, FILE_NAME])])
-    say(console, "Had been hidden", "bold", words.describe_hidden(document))
+            screen.print_table(console, table)
+        screen.say(console, "Class", "cyan", words.describe_alike(document.effects))
+        screen.say(console, "Bones", "cyan", words.describe_bones(document))
+    screen.say(console, "Left", "yellow", words.describe_left(document))
+    screen.say(console, "Doubt", "yellow", words.list_cautions(document.effects))
+    screen.say(console, "Note", "yellow", document.notes)
+    screen.list_files(console, out, [", ".join([*document.files, FILE_NAME])])
+    screen.say(console, "Had been hidden", "bold", words.describe_hidden(document))
 
 
 COMMANDS = (discover,)

@@ -65,13 +65,6 @@ class QuantityDocument(Part):
     at_bound: bool = Field(default=False, description="False: the search has no bounds any more.")
     determined: bool = Field(default=True, description="Whether the recordings tell it at all.")
 
-    @property
-    def implausible(self) -> bool:
-        """Whether it lies outside of what laboratories meet."""
-        if self.usual is None or isinstance(self.value, tuple):
-            return False
-        return not self.usual[0] <= self.value <= self.usual[1]
-
 
 class EvidenceDocument(Part):
     """What speaks for an effect."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.result import DiscoverResults
-from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.playback import scene
 from scaling_service.capabilities.playback.document import SceneDocument
 from scaling_service.capabilities.playback.drawing import coarsen, place_bones
@@ -23,7 +22,12 @@ def write_discovery_scene(
 ) -> SceneDocument:
     """Write the model as given, and with what was named, in all recordings, into a job's folder."""
     pairs = list(zip(results.before.tracked, results.after.tracked, strict=True))
-    bones = _list_bones(results.prepared, detail)
+    # The person's bones where the model was scaled from images
+    images, calibration = results.prepared.loaded.session.images, results.prepared.calibration
+    bones: dict[str, Bone] = {}
+    if images is not None and calibration is not None:
+        coarse = {segment: coarsen(bone, detail.most_faces) for segment, bone in images.bones.items()}
+        bones = place_bones(calibration, coarse)
     bodies = [
         scene.Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
     ]
@@ -36,15 +40,6 @@ def write_discovery_scene(
         for before, after in pairs
     ]
     return scene.write_scene(results.prepared.subject.id, bodies, recorded, None, outputs, detail.most_frames)
-
-
-def _list_bones(prepared: Prepared, detail: scene.Detail) -> dict[str, Bone]:
-    """The person's bones where the model was scaled from images."""
-    images = prepared.loaded.session.images
-    if images is None or prepared.calibration is None:
-        return {}
-    coarse = {segment: coarsen(bone, detail.most_faces) for segment, bone in images.bones.items()}
-    return place_bones(prepared.calibration, coarse)
 
 
 def _play_recording(name: str, item: MotionFit) -> scene.Played:

@@ -7,7 +7,6 @@ worse over all persons.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,8 +33,8 @@ from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part, Rounded
 from scaling_service.documents.writing import REPORT, code_version, write_json
+from scaling_service.files.model_json import write_model_json
 from scaling_service.model.body import BodyModel
-from scaling_service.model.document import to_document
 from scaling_service.report.onefile import Report
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
@@ -138,13 +137,7 @@ Left = Mapping[str, Mapping[str, float]]
 def find_recurring(
     found: Mapping[str, DiscoverResults], failed: Mapping[str, str] | None = None
 ) -> Recurring:
-    """What persons share whose generic models have joints in common.
-
-    Raises
-    ------
-    InputError
-        Fewer than two persons, or models with nothing in common.
-    """
+    """What persons share; InputError: they are fewer than two, or their models have nothing in common."""
     if len(found) < pooling.FEWEST:
         lacking = "".join(f"; {who}: {why}" for who, why in (failed or {}).items())
         raise InputError(
@@ -172,7 +165,12 @@ def find_recurring(
             break
         best = max(likely, key=lambda k: odds[k])
         after = {name: pooled.refit(results, [*named, best]) for name, results in found.items()}
-        if _is_worse(left[-1], after, vouching or list(found)):
+        # Whether markers, forces or moments are worse over those persons
+        squares = [
+            [sum(some[who].get(name, 0.0) ** 2 for who in vouching or found) for some in (left[-1], after)]
+            for name, *_ in _GAPS
+        ]
+        if any(with_it > (1.0 + USUAL.worse) ** 2 * without for without, with_it in squares):
             refused[best] = left[-1], after
             continue
         entries.append(_describe(pooled, named, best, odds[best], left=(left[-1], after)))
@@ -208,15 +206,6 @@ def find_recurring(
     )
     context = SearchContext(model=generic, recordings=(), settings=first.search)
     return Recurring(document, Fit(context=context, effects=tuple(effects)) if effects else None)
-
-
-def _is_worse(before: Left, after: Left, persons: Sequence[str]) -> bool:
-    """Whether markers, forces or moments are worse over some persons."""
-    for name, *_ in _GAPS:
-        a, b = (sum(some[who].get(name, 0.0) ** 2 for who in persons) for some in (before, after))
-        if b > (1.0 + USUAL.worse) ** 2 * a:
-            return True
-    return False
 
 
 def _compare(
@@ -287,10 +276,7 @@ def summarise(document: RecurringDocument) -> Summary:
     if document.corrected:
         why.append(f"The generic model without it: {', '.join(document.corrected)}.")
     rows = [
-        Row(
-            who,
-            [_show_pair(getattr(entry, field)) for field, *_ in _GAPS] + [f"{entry.log_odds:+.1f}"],
-        )
+        Row(who, [*(_show_pair(getattr(entry, field)) for field, *_ in _GAPS), f"{entry.log_odds:+.1f}"])
         for who, entry in document.persons.items()
     ]
     told = [
@@ -305,27 +291,15 @@ def summarise(document: RecurringDocument) -> Summary:
         )
         for e in document.effects
     ]
-    columns = [
-        "effect of the generic model",
-        "named",
-        "log odds",
-        "speak for it",
-        "what did not fit, with it",
-    ]
-    tables = [Table(caption="What may recur", columns=columns, rows=told, words=True)]
-    if rows:
-        tables.insert(
-            0,
-            Table(
-                caption="What the corrected model does to recordings that did not fit: RMS before → after",
-                columns=[
-                    "person",
-                    *(f"{name}, {unit}" for _, name, unit in _GAPS),
-                    "log likelihood",
-                ],
-                rows=rows,
-            ),
-        )
+    corrected = Table(
+        caption="What the corrected model does to recordings that did not fit: RMS before → after",
+        columns=["person", *(f"{name}, {unit}" for _, name, unit in _GAPS), "log likelihood"],
+        rows=rows,
+    )
+    asked = ["named", "log odds", "speak for it", "what did not fit, with it"]
+    recurring = Table(
+        caption="What may recur", columns=["effect of the generic model", *asked], rows=told, words=True
+    )
     return Summary(
         title=f"What recurs over {count} persons with {document.model}",
         headline=document.headline,
@@ -335,7 +309,7 @@ def summarise(document: RecurringDocument) -> Summary:
             *document.notes,
             *(f"{who} was not searched: {said}" for who, said in document.failed.items()),
         ],
-        tables=tables,
+        tables=[corrected, recurring] if rows else [recurring],
     )
 
 
@@ -362,22 +336,11 @@ def discover_recurring(
     report: bool = True,
     progress: Progress | None = None,
 ) -> Recurring:
-    """Search every person of a cohort, and what they share.
+    """Search every person of a cohort, and what they share; errors as :func:`find_recurring`.
 
-    Parameters
-    ----------
-    cohort : path
-        CSV file with a column ``subject``, or a folder of subject files.
-    out : path
-        A folder for each person is made in it, beside ``recurring.json`` and ``generic_model.*``.
-    chosen, settings
-        As for :func:`scaling_service.discover`.
-
-    Raises
-    ------
-    InputError
-        There are fewer than two persons whose recordings can be searched, or their models have nothing in
-        common.
+    ``cohort``: CSV file with a column ``subject``, or a folder of subject files. ``out``: a folder for each
+    person is made in it, beside ``recurring.json`` and ``generic_model.*``. ``chosen``, ``settings``: as for
+    :func:`scaling_service.discover`.
     """
     clock, report_to, folder = time.perf_counter(), progress or show_nothing, Path(out)
     members, passed = read_members(Path(cohort))
@@ -407,8 +370,7 @@ def discover_recurring(
         (folder / stale).unlink(missing_ok=True)
     if recurring.corrected is not None and recurring.model is not None:
         files.append(f"{MODEL}.json")
-        content = json.dumps(to_document(recurring.model), allow_nan=False)
-        (folder / files[0]).write_text(content, encoding="utf-8")
+        write_model_json(folder / files[0], recurring.model)
         first = next(iter(found.values())).prepared
         notes += write_corrected_osim(
             folder / f"{MODEL}.osim", recurring.corrected, replace(first, calibration=None)
@@ -427,8 +389,7 @@ def discover_recurring(
     )
     write_json(folder / FILE_NAME, document)
     if report:
-        page = Report(
+        Report(
             kind="recurring", name=FILE_NAME, summary=summarise(document), document=document, beside=files
-        )
-        (folder / REPORT).write_text(page.html(), encoding="utf-8")
+        ).write(folder)
     return replace(recurring, document=document)

@@ -21,12 +21,7 @@ from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.laws.apply import changes_forces, changes_markers
 from scaling_service.capabilities.discovery.laws.loads import Tilt
 from scaling_service.capabilities.discovery.options import DiscoverSettings
-from scaling_service.capabilities.discovery.search.findings import (
-    Findings,
-    NamedEffect,
-    place_candidate,
-    turn_into_probability,
-)
+from scaling_service.capabilities.discovery.search import findings as search_findings
 from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
@@ -49,7 +44,7 @@ class DiscoverResults:
     chosen: DiscoverSettings
     settings: Settings
     search: DiscoverySettings
-    findings: Findings
+    findings: search_findings.Findings
     before: Fit  # before, after: without and with what was named
     after: Fit
     lasting: Fit  # after, without movements that skin as a whole could as well be
@@ -162,7 +157,7 @@ def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:
         if told.any():
             numbers = zip(candidate.columns, size.tolist(), sds.tolist(), told.tolist(), strict=True)
             yield documents.EstimateDocument(
-                **place_candidate(candidate),
+                **search_findings.place_candidate(candidate),
                 parameters={
                     c.name: documents.QuantityDocument(
                         value=c.neutral + c.unit * value, sd=abs(c.unit) * sd, determined=known
@@ -172,7 +167,7 @@ def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:
             )
 
 
-def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.EffectDocument:
+def _make_effect(named: search_findings.NamedEffect, results: DiscoverResults) -> documents.EffectDocument:
     """With every number beside what laboratories meet, how far it may be believed, and what to do."""
     candidate, member = named.candidate, named.member
     usual, numbers, sizes, cautions = look_up_usual_sizes(candidate, results.prepared.model), {}, [], []
@@ -180,19 +175,23 @@ def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.Effe
         known = None if isinstance(number.value, tuple) else usual(name)
         if known is not None and not isinstance(number.value, tuple):
             sizes.append(known.chance(number.value, number.sd or 0.0))
+            implausible = not known.low <= number.value <= known.high
             number = documents.QuantityDocument(**dict(number) | {"usual": (known.low, known.high)})
-            if number.implausible:
+            if implausible:
                 said = f"{list_few(candidate.where)}: {words.format_quantity(name, number)}"
                 met = f"{words.format_figures(known.low)} to {words.format_figures(known.high)} is met"
                 cautions.append(f"{said} is implausible: {met} ({cite_source_of_sizes(candidate.kind)})")
         numbers[name] = number
-    there, size = turn_into_probability(named.odds), min(sizes, default=None)
+    there, size = search_findings.turn_into_probability(named.odds), min(sizes, default=None)
     sign = estimate_sign_probability(named.effect.size, named.covariance)
-    others = [documents.PlacedEffect(**place_candidate(other)) for other in named.equivalents]
+    own, *others = (
+        documents.PlacedEffect(**search_findings.place_candidate(one))
+        for one in (candidate, *named.equivalents)
+    )
     as_class = member < words.TOLD_ALONE
     return documents.EffectDocument(
-        **place_candidate(candidate),
-        name=words.describe_class([documents.PlacedEffect(**place_candidate(candidate)), *others])
+        **dict(own),
+        name=words.describe_class([own, *others])
         if as_class
         else words.describe_effect(
             candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
@@ -226,7 +225,7 @@ def _make_effect(named: NamedEffect, results: DiscoverResults) -> documents.Effe
     )
 
 
-def _advise(named: NamedEffect, *, as_class: bool, left_out: bool) -> str:
+def _advise(named: search_findings.NamedEffect, *, as_class: bool, left_out: bool) -> str:
     """What to do about an effect: where it is mended already, or who has to."""
     candidate, apart = named.candidate, named.would_separate
     record = (
@@ -265,7 +264,7 @@ def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
     return float(scipy.special.ndtr(z @ z / math.sqrt(length))) if length > 0.0 else 0.5
 
 
-def _list_quantities(named: NamedEffect) -> dict[str, documents.QuantityDocument]:
+def _list_quantities(named: search_findings.NamedEffect) -> dict[str, documents.QuantityDocument]:
     """Every number of an effect by its name in the results."""
     columns = named.effect.candidate.columns
     names = [column.name for column in columns]

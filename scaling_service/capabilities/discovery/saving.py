@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +22,9 @@ from scaling_service.capabilities.kinetics.forces import read_trial_forces, turn
 from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing
+from scaling_service.files.model_json import write_model_json
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.trc import write_trc
-from scaling_service.model.body import BodyModel
-from scaling_service.model.document import to_document
 from scaling_service.model.forces import GroundForces
 from scaling_service.report.onefile import Report, collect_files
 
@@ -139,10 +138,25 @@ def save_discovery(
     'nothing'
     """
     say = progress or show_nothing
-    before = _list_written_before(Path(folder))
-    with writing.all_or_nothing(Path(folder)) as scratch:
+    # What an earlier search says that it wrote there
+    before, place = set[Path](), Path(folder)
+    with suppress(OSError, ValidationError):
+        earlier = DiscoveryDocument.model_validate_json((place / FILE_NAME).read_bytes())
+        inside = (place / name for name in earlier.files)
+        before = {path for path in inside if path.resolve().is_relative_to(place.resolve())}
+    with writing.all_or_nothing(place) as scratch:
         say("writing the model", 0.0)
-        notes = _write_models(scratch, results)
+        # A model for all recordings, and one for each recording that has something of its own
+        fit, bones = results.lasting, results.bones
+        write_model_json(scratch / "model.json", bones.add_to(models.correct_model(fit)))
+        own = models.make_own_models(fit)
+        for trial, model in own.items():
+            write_model_json(scratch / f"{trial}_model.json", bones.add_to(model))
+        notes = (
+            *bones.notes,
+            *(f"{trial}_model.json holds what was found in {trial} only" for trial in own),
+            *models.write_corrected_osim(scratch / "model.osim", fit, results.prepared),
+        )
         say("writing recordings", 0.5)
         notes += write_corrected(scratch, results.after, results.prepared)
         notes += write_contacts(scratch, results.after)
@@ -151,44 +165,16 @@ def save_discovery(
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)
-            (scratch / writing.REPORT).write_text(
-                Report(
-                    kind="discovery",
-                    name=FILE_NAME,
-                    summary=summarise(document),
-                    document=document,
-                    files=collect_files(lambda folder: write_discovery_scene(results, folder, INSIDE)),
-                    beside=document.files,
-                    vocabulary={"hidden_in_example": describe_hidden(document)},
-                ).html(),
-                encoding="utf-8",
-            )
-    for path in before - {Path(folder) / name for name in document.files}:
+            Report(
+                kind="discovery",
+                name=FILE_NAME,
+                summary=summarise(document),
+                document=document,
+                files=collect_files(lambda folder: write_discovery_scene(results, folder, INSIDE)),
+                beside=document.files,
+                vocabulary={"hidden_in_example": describe_hidden(document)},
+            ).write(scratch)
+    for path in before - {place / name for name in document.files}:
         path.unlink(missing_ok=True)
     say("done", 1.0)
     return document
-
-
-def _list_written_before(folder: Path) -> set[Path]:
-    """What an earlier search says that it wrote into a folder."""
-    try:
-        document = DiscoveryDocument.model_validate_json((folder / FILE_NAME).read_bytes())
-    except (OSError, ValidationError):
-        return set()
-    return {
-        folder / name for name in document.files if (folder / name).resolve().is_relative_to(folder.resolve())
-    }
-
-
-def _write_models(folder: Path, results: DiscoverResults) -> tuple[str, ...]:
-    """``model.json`` and ``model.osim``, and a model for each recording that has something of its own."""
-    fit, bones, notes = results.lasting, results.bones, list(results.bones.notes)
-    _write_model(folder / "model.json", bones.add_to(models.correct_model(fit)))
-    for trial, model in models.make_own_models(fit).items():
-        _write_model(folder / f"{trial}_model.json", bones.add_to(model))
-        notes.append(f"{trial}_model.json holds what was found in {trial} only")
-    return (*notes, *models.write_corrected_osim(folder / "model.osim", fit, results.prepared))
-
-
-def _write_model(path: Path, model: BodyModel) -> None:
-    path.write_text(json.dumps(to_document(model), indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths
 from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
@@ -139,7 +138,12 @@ def find_usable_frames(ground: GroundForces, contacts: plates_feet.FootContacts)
     loaded = ground.in_contact()
     stray = (loaded & (contacts.foot == plates_feet.NOBODY)).any(axis=1)
     bears = np.stack([(contacts.foot == k).any(axis=1) for k in range(len(contacts.feet))], axis=1)
-    beside = _drop_contact_edges(contacts.on_floor & ~bears, ground.times)
+    beside = contacts.on_floor & ~bears
+    # Without the frames in which a foot comes down and rolls off
+    step = float(np.median(np.diff(ground.times))) if len(ground.times) > 1 else 0.0
+    for k in range(len(contacts.feet)):
+        for start, stop in find_runs(beside[:, k]).tolist():
+            beside[start:stop, k] = (stop - start) * step > 2 * plates_feet.BRIEF_S
     for k in range(len(contacts.feet)):
         others = np.delete(beside, k, axis=1)
         if not bears[:, k].any() and not others.any():
@@ -175,16 +179,6 @@ def find_steps(forces: TrialForces, model: BodyModel) -> tuple[Step, ...]:
                         )
                     )
     return tuple(found)
-
-
-def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
-    """Without the frames in which a foot comes down and rolls off."""
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    found = np.zeros_like(beside)
-    for k in range(beside.shape[1]):
-        for start, stop in find_runs(beside[:, k]).tolist():
-            found[start:stop, k] = (stop - start) * step > 2 * plates_feet.BRIEF_S
-    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared import settings as shared_settings
 
 COMMANDS = ("dynamics",)
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.dynamics.result import DynamicsDocument
 
 _SHOWN = 10  # numbers of identified inertia on the screen (chosen); all are in dynamics.json
 
@@ -44,11 +40,7 @@ def dynamics(
         results = compute(subject, chosen, settings, progress=progress)
         document = save_dynamics(results, out, report=report)
         write_tables({**results.tables, **tabulate_loads(results)}, document)
-    show(document, out)
-
-
-def show(document: DynamicsDocument, out: Path) -> None:
-    """The table of recordings, the verdict, the warnings, and what was written."""
+    # The table of recordings, the verdict, the warnings, and what was written
     from scaling_service.capabilities.dynamics import words
 
     console, inertial = screen.make_console(), document.inertial

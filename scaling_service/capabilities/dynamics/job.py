@@ -17,10 +17,7 @@ class DynamicsRequest(job.OfForces, DynamicsSettings):
 
 
 def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write ``dynamics.json``, each trial's forces and the report; the document is the result.
-
-    Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
-    """
+    """Write ``dynamics.json``, each trial's forces and the report; the document is the result."""
     from scaling_service.capabilities.dynamics.run import dynamics
     from scaling_service.capabilities.dynamics.saving import save_dynamics, write_residuals
     from scaling_service.capabilities.shared.tables import make_table_writer

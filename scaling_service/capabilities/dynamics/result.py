@@ -14,17 +14,14 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics import weight as weights
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.unmeasured import Unmeasured
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.kinetics.forces import TrialForces
-from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import list_few
 from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
-from scaling_service.model.results import Motion
 
 
 def _round_figures(value: float) -> float:
@@ -208,7 +205,6 @@ class DynamicsDocument(Provenance):
 class TrialDynamics:
     """One recording's dynamics."""
 
-    motion: Motion  # as the markers have it, not filtered
     forces: TrialForces
     dynamics: inverse_dynamics.InverseDynamics
     frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
@@ -230,15 +226,11 @@ class DynamicsResults:
     """Dynamics of all of a subject's recordings that have forces."""
 
     prepared: start.Prepared
-    chosen: DynamicsSettings
-    settings: shared_settings.Settings
     trials: abc.Mapping[str, TrialDynamics]  # by the stems of the trials' files
     weight: weights.Weight  # by the plates, beside the model's
     verdict: str  # in plain words: what the residuals say of the model
     document: DynamicsDocument  # ``dynamics.json``: N and N m
     inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
-    warnings: tuple[str, ...] = ()  # what concerns all recordings
-    wall_s: float = 0.0
 
     @property
     def residuals(self) -> ResultTable:

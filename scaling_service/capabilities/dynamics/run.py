@@ -113,7 +113,6 @@ def dynamics(
         weight.check()
         inertial, notes = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
-    warnings, wall_s = (*prepared.warnings, *notes), time.perf_counter() - clock
     verdict = write_verdict(trials, weight, refused)
     known = start.record_dynamics_provenance(prepared, settings, dynamics=chosen)
     for name, found in trials.items():
@@ -137,21 +136,17 @@ def dynamics(
         trials=told,
         verdict=verdict,
         inertial=None if inertial is None else _make_identification(inertial, prepared.model),
-        warnings=list(warnings),
+        warnings=[*prepared.warnings, *notes],
         files=[],
-        wall_s=round(wall_s, 3),
+        wall_s=round(time.perf_counter() - clock, 3),
     )
     return result.DynamicsResults(
         prepared=prepared,
-        chosen=chosen,
-        settings=settings,
         trials=trials,
         weight=weight,
         verdict=verdict,
         document=document,
         inertial=inertial,
-        warnings=warnings,
-        wall_s=wall_s,
     )
 
 
@@ -273,7 +268,6 @@ def compute_trial_dynamics(
     said = _warn(forces, motion, inverse_dynamics.find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
     return result.TrialDynamics(
-        motion=motion,
         forces=forces,
         dynamics=found,
         frames=frames,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import abc
 from pathlib import Path
 
@@ -17,11 +16,11 @@ from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
 from scaling_service.files import sto as sto_files
+from scaling_service.files.model_json import write_model_json
 from scaling_service.files.osim.models import write_osim
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model import freed
 from scaling_service.model.body import BodyModel
-from scaling_service.model.document import to_document
 from scaling_service.report import onefile
 
 FILE_NAME = "dynamics.json"
@@ -80,17 +79,14 @@ def save_dynamics(
         if report:
             # `report.html`: the check's views with the residuals over time.
             files = onefile.collect_files(lambda folder: write_residuals(results, folder, brief=True))
-            (scratch / writing.REPORT).write_text(
-                onefile.Report(
-                    kind="dynamics",
-                    name=FILE_NAME,
-                    summary=words.summarise(document),
-                    document=document,
-                    files=files,
-                    beside=document.files,
-                ).html(),
-                encoding="utf-8",
-            )
+            onefile.Report(
+                kind="dynamics",
+                name=FILE_NAME,
+                summary=words.summarise(document),
+                document=document,
+                files=files,
+                beside=document.files,
+            ).write(scratch)
     return document
 
 
@@ -129,8 +125,7 @@ def write_massive_model(
 
     ``factors`` are each segment's scale factors along X, Y, Z, for OpenSim's own scaling.
     """
-    content = json.dumps(to_document(model), indent=1, allow_nan=False)
-    (folder / "model.json").write_text(content + "\n", encoding="utf-8")
+    write_model_json(folder / "model.json", model)
     subject, scaling = prepared.subject, prepared.calibration
     is_file = subject.model.lower().endswith(".osim")
     held = freed.hold_markers(model)

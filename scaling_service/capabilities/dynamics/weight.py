@@ -26,10 +26,6 @@ much for hysteresis)."""
 FAR_OFF = 1.5
 """Ratio of the masses beyond which one of them must be wrong (chosen: no person errs so about a weight)."""
 
-_LASTING = (
-    0.84  # chosen: share of blocks above it where normal blocks stray by half of what the median is off by
-)
-
 NOTICED = 0.015
 """Share of the mass by which plates and declaration must differ to be noted (chosen: clothes and shoes)."""
 
@@ -42,7 +38,6 @@ class Weight:
     plates_kg: float
     sd_kg: float  # of plates_kg: spread of blocks of time, disagreement of recordings, the plates' gain
     by_trial: abc.Mapping[str, float]  # kg, by the recordings' names
-    shown: float = 1.0  # share of the blocks, by the force needed, that show at least half of the difference
 
     @property
     def factor(self) -> float:
@@ -69,11 +64,6 @@ class Weight:
         return abs(self.plates_kg - declared_kg) > max(NOTICED * declared_kg, 1.96 * self.sd_kg)
 
     @property
-    def lasting(self) -> bool:
-        """Whether about as much is missing at all times: not in the steps on one of the plates only."""
-        return self.shown > _LASTING
-
-    @property
     def disagree(self) -> bool:
         """Whether recordings differ among themselves by more than clothes."""
         kilograms = self.by_trial.values()
@@ -95,20 +85,10 @@ class Weight:
 
 
 def weigh(declared_kg: float, blocks: abc.Mapping[str, abc.Iterable[tuple[Array, Array]]]) -> Weight | None:
-    """Mass from vertical forces.
+    """Mass from vertical forces; None where no frame counts.
 
-    Parameters
-    ----------
-    declared_kg : float
-        The model's mass.
-    blocks : mapping
-        By recording, for each block of time: vertical force measured and vertical force that the model's
-        motion needs, of the frames that count (n,), N.
-
-    Returns
-    -------
-    Weight or None
-        None where no frame counts.
+    ``declared_kg``: the model's. ``blocks``: by recording, for each block of time, the vertical force
+    measured and the one that the model's motion needs, of the frames that count (n,), N.
     """
     sums = {
         name: np.array([(m.sum(), n.sum()) for m, n in some if len(m)]).reshape(-1, 2)
@@ -133,9 +113,6 @@ def weigh(declared_kg: float, blocks: abc.Mapping[str, abc.Iterable[tuple[Array,
         plates_kg=middle * declared_kg,
         sd_kg=sd * declared_kg,
         by_trial={n: r * declared_kg for n, r in each.items()},
-        shown=float(
-            weight[(ratio - 1.0) * np.sign(middle - 1.0) >= abs(middle - 1.0) / 2.0].sum() / weight.sum()
-        ),
     )
 
 

@@ -181,20 +181,17 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     if suffix in _TABLES:
         return _read_markers(file, up, forward)
     if suffix in recording.READERS and (suffix != ".sto" or is_orientation_file(file)):
-        guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
+        guess = _tell(file, "recording", f"a recording, by its suffix {suffix}")
         found = _try_reading(guess, file, lambda: look_at(file, up, forward))
         if found.problem is not None and found.problem.field == _ROTATIONS:
-            return InputFile(name=file.name, kind="other", why=found.problem.problem)
+            return _tell(file, "other", found.problem.problem)
         return found
     if file.name.lower().endswith(segmentation.MAP_SUFFIXES):
-        mask = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
-        try:
-            return dataclasses.replace(mask, why=segmentation.describe_label_map(file))
-        except errors.InputError as error:
-            return dataclasses.replace(mask, problem=make_problem(error, file=file.name))
+        guess = _tell(file, "segmentation", "a label map, by its suffix")
+        return _try_reading(guess, file, lambda: segmentation.describe_label_map(file), "why")
     for other in file.parent.iterdir():
         if file.name in segmentation.list_tables(other.name):
-            return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
+            return _tell(file, "other", f"the names of the labels in {other.name}")
     match suffix:
         case ".mot" | ".sto":
             return _read_table(file)
@@ -208,13 +205,35 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
                     problem="it is no OpenSim model",
                     remedy="Save the model again in OpenSim 4",
                 )
-                return InputFile(name=file.name, kind="model", why="a model, by its suffix", problem=problem)
-            return InputFile(name=file.name, kind="model", why="a model of OpenSim")
+                return dataclasses.replace(_tell(file, "model", "a model, by its suffix"), problem=problem)
+            return _tell(file, "model", "a model of OpenSim")
         case ".yaml" | ".yml" | ".json":
-            return _read_subject(file)
+            # A subject file, its paths cut to the names under which files are uploaded
+            def read() -> abc.Mapping[str, Any]:
+                content: Any = reading.read_content(file)
+                if isinstance(content, dict):  # files are uploaded by their names alone, without folders
+                    content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
+                reading.check_document(content)
+                return dict(content)
+
+            beginning = _read_beginning(file)
+            if all(f'"{key}"' in beginning for key in ("schema_version", "name", "segments")):
+                return _tell(file, "model", "a model of this program")
+            if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
+                return _tell(file, "other", "a document without a subject")
+            return _try_reading(_tell(file, "subject", "it describes a subject"), file, read)
     if suffix in _MESHES:
-        return _read_mesh(file)
-    return InputFile(name=file.name, kind="other", why="of no kind that is used here")
+
+        def read_unit() -> str:
+            extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
+            return "mm" if extent >= _LONGEST_M else "m"
+
+        return _try_reading(_tell(file, "mesh", "a surface, by its suffix"), file, read_unit)
+    return _tell(file, "other", "of no kind that is used here")
+
+
+def _tell(file: Path, kind: Kind, why: str, content: str | None = None) -> InputFile:
+    return InputFile(name=file.name, kind=kind, why=why, content=content)
 
 
 def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
@@ -222,55 +241,38 @@ def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
     other = _read_csv(file)
     if other.kind != "other":
         return other
-    guess = InputFile(name=file.name, kind="recording", why="a table of markers over time")
+    guess = _tell(file, "recording", "a table of markers over time")
     found = _try_reading(guess, file, lambda: look_at(file, up, forward))
     if found.problem is None or found.problem.field not in (FIELD, "time"):
         return found
     return other if found.problem.field == FIELD else dataclasses.replace(other, why=found.problem.problem)
 
 
-def _try_reading(guess: InputFile, file: Path, read: abc.Callable[[], Any]) -> InputFile:
+def _try_reading(
+    guess: InputFile, file: Path, read: abc.Callable[[], Any], gives: str = "content"
+) -> InputFile:
     """The guess with what was read, or with why nothing could be."""
     try:
-        return dataclasses.replace(guess, content=read())
+        return dataclasses.replace(guess, **{gives: read()})
     except errors.InputError as error:
         return dataclasses.replace(guess, problem=make_problem(error, file=file.name))
 
 
 def _read_table(file: Path) -> InputFile:
     """MOT and STO hold forces or motion."""
-    try:
-        return InputFile(
-            name=file.name, kind="forces", why="it has columns of ground forces", content=read_forces(file)
-        )
-    except errors.InputError as error:
-        if error.field == "columns":
-            return InputFile(
-                name=file.name, kind="other", why="a table without ground forces, such as a motion"
-            )
-        return InputFile(
-            name=file.name,
-            kind="forces",
-            why="a table, by its suffix",
-            problem=make_problem(error, file=file.name),
-        )
-
-
-def _read_mesh(file: Path) -> InputFile:
-    def read_unit() -> str:
-        extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
-        return "mm" if extent >= _LONGEST_M else "m"
-
-    return _try_reading(
-        InputFile(name=file.name, kind="mesh", why="a surface, by its suffix"), file, read_unit
-    )
+    found = _try_reading(_tell(file, "forces", "a table, by its suffix"), file, lambda: read_forces(file))
+    if found.problem is None:
+        return dataclasses.replace(found, why="it has columns of ground forces")
+    if found.problem.field == "columns":
+        return _tell(file, "other", "a table without ground forces, such as a motion")
+    return found
 
 
 def _read_csv(file: Path) -> InputFile:
     text = _read_beginning(file).partition("\n")[0].lower()
     if "marker" not in text or "segment" not in text:
-        return InputFile(name=file.name, kind="other", why="a table without the columns marker and segment")
-    guess = InputFile(name=file.name, kind="image_markers", why="it has the columns of image markers")
+        return _tell(file, "other", "a table without the columns marker and segment")
+    guess = _tell(file, "image_markers", "it has the columns of image markers")
     return _try_reading(guess, file, lambda: ", ".join(read_image_markers(file)))
 
 
@@ -279,39 +281,18 @@ def _read_xml(file: Path) -> InputFile:
     for place, pattern in _SETUPS:
         if pattern.search(text):
             if place is None:
-                return InputFile(
-                    name=file.name, kind="other", why="a set-up of OpenSim that is not used here"
-                )
-            if place == "scale_setup":
-                guess = InputFile(
-                    name=file.name, kind="setup", why="a scale set-up of OpenSim", content="scale_setup"
-                )
-                try:
-                    setup = read_scale_setup(file)
-                except errors.InputError as error:
-                    return dataclasses.replace(guess, problem=make_problem(error, file=file.name))
-                pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
-                return dataclasses.replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
-            return InputFile(name=file.name, kind="setup", why="a marker set of OpenSim", content=place)
-    return InputFile(name=file.name, kind="other", why="XML that is not used here")
+                return _tell(file, "other", "a set-up of OpenSim that is not used here")
+            if place == "marker_set":
+                return _tell(file, "setup", "a marker set of OpenSim", place)
 
+            def list_asked() -> frozenset[str]:
+                asked = read_scale_setup(file).measurements
+                return frozenset(marker for one in asked for pair in one.pairs for marker in pair)
 
-def _read_subject(file: Path) -> InputFile:
-    """A subject file, its paths cut to the names under which files are uploaded."""
-
-    def read() -> abc.Mapping[str, Any]:
-        content: Any = reading.read_content(file)
-        if isinstance(content, dict):  # files are uploaded by their names alone, without folders
-            content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
-        reading.check_document(content)
-        return dict(content)
-
-    beginning = _read_beginning(file)
-    if all(f'"{key}"' in beginning for key in ("schema_version", "name", "segments")):
-        return InputFile(name=file.name, kind="model", why="a model of this program")
-    if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
-        return InputFile(name=file.name, kind="other", why="a document without a subject")
-    return _try_reading(InputFile(name=file.name, kind="subject", why="it describes a subject"), file, read)
+            return _try_reading(
+                _tell(file, "setup", "a scale set-up of OpenSim", place), file, list_asked, "asks"
+            )
+    return _tell(file, "other", "XML that is not used here")
 
 
 def map_files(document: abc.Mapping[str, Any], change: abc.Callable[[str, str], str]) -> dict[str, Any]:

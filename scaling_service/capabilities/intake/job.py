@@ -39,10 +39,7 @@ class ProofRequest(job.OfOneSubject):
 
 
 def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write the tables of all recordings; the document is the result.
-
-    Raises InputError: the axes in the settings are none.
-    """
+    """Write the tables of all recordings; the document is the result."""
     from scaling_service.capabilities.intake.run import prove
 
     folder = inputs / request.subject

@@ -15,6 +15,7 @@ from scaling_service.documents import subject
 from scaling_service.model import trial
 from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.forces import GroundForces
+from scaling_service.recording import orientation
 
 TIMES_S, LONGER_S = 0.1, 1.0
 """Chosen: forces may begin and end this much later and earlier than the markers (other clocks, rounding), and
@@ -73,7 +74,9 @@ def assign_recordings(found: abc.Sequence[intake_files.InputFile]) -> Roles:
             roles[file] = ("trials.calibration", "there is no other movement to fit")
     elif not held_out and unnamed and len(moves) > 1:
         walks = {
-            item.file for item in recordings if tables.measure_walk(item.trial, item.axes) >= tables.WALKED_M
+            item.file
+            for item in recordings
+            if tables.measure_walk(orientation.apply(item.axes, item.trial))[0] >= tables.WALKED_M
         }
         chosen = next((file for file in unnamed if file in walks), unnamed[0])
         roles[chosen] = ("trials.evaluation", "one movement must be left to judge by")
@@ -195,13 +198,8 @@ def assign_others(
     sets = [f.name for f in found if f.kind == "setup" and f.content == "marker_set"]
     if len(sets) == 1:
         yield sets[0], ("marker_set", "the only one")
-    yield from _choose_setup([f for f in found if f.content == "scale_setup"], found)
-
-
-def _choose_setup(
-    setups: abc.Sequence[intake_files.InputFile], found: abc.Sequence[intake_files.InputFile]
-) -> abc.Iterator[tuple[str, tuple[str, str]]]:
-    """The scale set-up; of several the one whose markers the recordings show."""
+    # The scale set-up; of several the one whose markers the recordings show
+    setups = [f for f in found if f.content == "scale_setup"]
     if len(setups) < 2:
         yield from ((f.name, ("scale_setup", "the only one")) for f in setups)
         return
@@ -292,11 +290,6 @@ def propose_subject(
     if markers:
         content["markers"] = dict(markers)
     return content
-
-
-def order_keys(document: abc.Mapping[str, Any]) -> dict[str, Any]:
-    """A subject document with its parts in the order in which they are described."""
-    return {key: document[key] for key in subject.SubjectDocument.model_fields if key in document}
 
 
 def check_sizes(

@@ -157,9 +157,9 @@ def prove(
     free = [one for one in extra if one.label not in explicit.values()]
     proposed = roles.propose_subject(known, found, look.roles, usual, explicit)
     if proposed is not None:
-        proposed = roles.order_keys(
-            roles.with_sizes(intake_markers.with_extra_markers(proposed, model, markers, free, trials), sizes)
-        )
+        whole = intake_markers.with_extra_markers(proposed, model, markers, free, trials)
+        whole = roles.with_sizes(whole, sizes)
+        proposed = {key: whole[key] for key in subjects.SubjectDocument.model_fields if key in whole}
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compare(sizes), *roles.ask_for_person(sizes)]
     look.problems += look.refusals(proposed, who)

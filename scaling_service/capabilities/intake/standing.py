@@ -131,7 +131,7 @@ def rank_standing(recordings: Sequence[RecordingFile]) -> list[Standing]:
         Standing(
             file=file,
             sway_m=sways[file],
-            landmarks=count_landmarks(trial),
+            landmarks=len({markers.find_canonical(label) for label in trial.shown_labels} - {None}),
             frames=trial.n_frames,
             lasts_s=float(trial.times[-1] - trial.times[0]),
             pelvis=compare_pelvis(trial, moving),
@@ -158,11 +158,6 @@ def measure_sway(trial: Trial) -> float:
     on_legs = spread[shown & [label in legs for label in trial.labels]]
     every = float(np.nanquantile(spread, _MOST))
     return max(float(np.quantile(on_legs, _MOST)), _FREE * every) if len(on_legs) else every
-
-
-def count_landmarks(trial: Trial) -> int:
-    """How many landmarks are seen in some frame."""
-    return len({markers.find_canonical(label) for label in trial.shown_labels} - {None})
 
 
 def compare_pelvis(trial: Trial, others: Sequence[Trial]) -> float:

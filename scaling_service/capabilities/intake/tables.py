@@ -77,7 +77,7 @@ def check_recording(
     """
     trial = orientation.apply(axes, item.trial)
     turned, problems = _turn(ground, axes)
-    distance, direction = _walk(trial)
+    distance, direction = measure_walk(trial)
     plates: list[base.PlateEntry] = []
     contacts: list[Contact] = []
     force = pressure = ground_forces = None
@@ -191,13 +191,8 @@ def list_events(trial: Trial, contacts: abc.Sequence[Contact], *, given: bool) -
     return sorted(found, key=lambda one: one.time_s)
 
 
-def measure_walk(trial: Trial, axes: orientation.Orientation) -> float:
-    """How far the markers' middle went over the floor from first to last frame, m."""
-    return _walk(orientation.apply(axes, trial))[0]
-
-
-def _walk(trial: Trial) -> tuple[float, Vector | None]:
-    """How far the markers' middle went over the floor, m, and which way."""
+def measure_walk(trial: Trial) -> tuple[float, Vector | None]:
+    """How far the markers' middle went over the floor from first to last frame, m, and which way."""
     rows = np.flatnonzero(find_seen(trial.markers).any(axis=1))
     if len(rows) < 2:
         return 0.0, None

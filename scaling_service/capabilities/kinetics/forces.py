@@ -17,10 +17,7 @@ from scaling_service.files.forces import read_forces
 from scaling_service.model import forces as model_forces
 from scaling_service.model.body import BodyModel
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import (
-    Repair,
-    Trial,
-)
+from scaling_service.model.trial import Repair, Trial
 from scaling_service.recording import plates as recording_plates
 from scaling_service.recording import plates_feet
 from scaling_service.recording.faults import repair_forces

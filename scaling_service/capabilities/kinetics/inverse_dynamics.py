@@ -167,16 +167,13 @@ def solve_inverse_dynamics(
     loads: SegmentLoads | None = None,
     *,
     cutoff_hz: float | None = DYNAMICS_CUTOFF_HZ,
-    order: int = ORDER,
 ) -> InverseDynamics:
     """Joint forces and residual wrench of a motion that inverse kinematics found.
 
     The model has mass and its parameters are at their values. Loads are at the motion's times; without any,
     nothing touches the body. Refuses loads on another clock or on a segment that the model does not have.
     """
-    rated = differentiate_motion(
-        model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz, order=order
-    )
+    rated = differentiate_motion(model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz)
     return compute_dynamics(model, rated, loads, trial=motion.trial)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -13,9 +13,6 @@ from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.report.tables import Row, Table
 
 COMMANDS = ("landmarks",)
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.landmarks.result import LandmarksDocument
 
 
 def _make_bone_option(name: str, words: str) -> typer.models.OptionInfo:
@@ -75,17 +72,12 @@ def landmarks(
         write_tables = make_table_writer(tables, out)
         document = landmark_bones(given, units=units, progress=progress)
         path = save_landmarks(document, out)
-        write_tables({"landmarks": tabulate_points(document)}, document)
-    _show(document, out, path.name)
-
-
-def _show(document: LandmarksDocument, out: Path, name: str) -> None:
-    """A table of what was found, then what was refused or is doubtful."""
-    from scaling_service.capabilities.landmarks.result import tabulate_points
-
+        table = tabulate_points(document)
+        write_tables({"landmarks": table}, document)
+    # A table of what was found, then what was refused or is doubtful
     rows: list[Row] = []
     notes = list(document.warnings)
-    for bone, points in groupby(tabulate_points(document).rows, key=lambda row: row[0]):
+    for bone, points in groupby(table.rows, key=lambda row: row[0]):
         rows.append(Row(bone))
         rows += [Row(f"  {point}", [f"{value:.1f}" for value in values]) for _, point, *values in points]
     for name, found in document.bones.items():
@@ -95,4 +87,4 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     caption = f"Landmarks, mm (files in {document.settings['units']})"
     screen.print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))
     screen.say(console, "Note", "yellow", notes)
-    screen.list_files(console, out, [name])
+    screen.list_files(console, out, [path.name])

@@ -64,13 +64,7 @@ class LandmarksRequest(job.OfOneSubject, job.WithTables):
 
 
 def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write ``landmarks.json``, which is also the result.
-
-    Raises
-    ------
-    InputError
-        A mesh cannot be read or used.
-    """
+    """Write ``landmarks.json``, which is also the result."""
     from scaling_service.capabilities.landmarks.result import tabulate_points
     from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
     from scaling_service.capabilities.shared.tables import make_table_writer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -14,9 +14,6 @@ from scaling_service.core.text import list_few
 from scaling_service.report.tables import Row, Table
 
 COMMANDS = ("ik",)
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.motion.result import MotionDocument
 
 
 @flags.with_flags
@@ -71,11 +68,7 @@ def ik(
         )
         document = save_motions(tracked, out)
         write_tables(tracked.tables, document)
-    show(document, out)
-
-
-def show(document: MotionDocument, out: Path) -> None:
-    """The table of trials, the warnings, and what was written."""
+    # The table of trials, the warnings, and what was written
     console = screen.make_console()
     console.print(f"Model [bold]{escape(document.model)}[/bold]", highlight=False, soft_wrap=True)
     for line in screen.describe_understood(document):

@@ -14,9 +14,7 @@ import numpy as np
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model.anatomy.rotations import (
-    RotationTable,
-)
+from scaling_service.model.anatomy.rotations import RotationTable
 from scaling_service.model.freed import UNBOUNDED
 from scaling_service.model.parameters import LETTERS, UNITS
 from scaling_service.model.poses import pose_neutral_frames

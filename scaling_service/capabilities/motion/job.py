@@ -89,10 +89,7 @@ class MotionRequest(job.OfOneSubject, job.WithTables, MotionOptions):
 
 
 def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write each trial's motion with its standard deviations; ``ik.json`` is the result.
-
-    Raises InputError: whatever in the model or the recordings cannot be used.
-    """
+    """Write each trial's motion with its standard deviations; ``ik.json`` is the result."""
     from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions
     from scaling_service.capabilities.shared.tables import make_table_writer

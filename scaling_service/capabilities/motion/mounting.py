@@ -34,9 +34,7 @@ from scaling_service.model.people import read_people
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.posterior import solve_posterior
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
-from scaling_service.numerics.multibody.rigid import (
-    rotate_about,
-)
+from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import SweepSettings
 
 NOWHERE: abc.Mapping[str, tuple[str, Array]] = MappingProxyType({})
@@ -55,7 +53,6 @@ class Mounted:
 
     model: BodyModel
     trials: tuple[Trial, ...]
-    segments: abc.Mapping[str, str]  # label to the segment it is on
     notes: tuple[Note, ...]
 
 
@@ -151,7 +148,6 @@ def mount(
     return Mounted(
         model=solved.model,
         trials=ready,
-        segments={label: segments[label] for label in segments if label in chosen.before},
         notes=tuple(_tell(matched, noise, chosen, misfits, facing)),
     )
 

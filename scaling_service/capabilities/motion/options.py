@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scaling_service.capabilities.shared.flags import make_pairs_reader
+from scaling_service.capabilities.shared.flags import read_labels
 from scaling_service.core import options
 
 
@@ -34,7 +34,7 @@ class MotionOptions(options.Options):
             name="--marker",
             metavar="MARKER=LABEL",
             kind=list[str] | None,
-            read=make_pairs_reader("--marker"),
+            read=read_labels,
             help="A model marker and its label, where known aliases differ; may be given again.",
         ),
     ] = Field(

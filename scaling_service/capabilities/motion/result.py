@@ -18,7 +18,7 @@ from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.subject import loading
 from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.tables import MotionTable, ResultTable
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Known, Part, Rounded
 from scaling_service.documents.results import Provenance
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
@@ -29,21 +29,21 @@ from scaling_service.recording.settings import ProcessingSettings
 class KinematicErrorDocument(Part):
     """Distances between measured and model markers over one trial, mm; null where it has no marker."""
 
-    mean: float | None = Field(description="Over frames and markers.")
-    rms: float | None
-    max: float | None
-    per_marker: dict[str, float] = Field(description="Marker to mean distance.")
+    mean: Known = Field(description="Over frames and markers.")
+    rms: Known
+    max: Known
+    per_marker: dict[str, Rounded] = Field(description="Marker to mean distance.")
 
 
 class CoordinateSummary(Part):
     """A coordinate over one trial, in its unit."""
 
-    mean: float
-    mean_sd: float | None = Field(
+    mean: Rounded
+    mean_sd: Known = Field(
         description="Standard deviation of the mean, hardly less than a frame's: a misplaced marker is off "
         "in all. Null where the model's own deviations are not known."
     )
-    range: float = Field(description="The largest less the least value, what skin adds to it included.")
+    range: Rounded = Field(description="The largest less the least value, what skin adds to it included.")
 
 
 class TrackedTrialDocument(Part):
@@ -60,11 +60,11 @@ class TrackedTrialDocument(Part):
         description="Coordinates to the number of frames in which they stand at the end of the model's "
         "range. It decides there, so their standard deviation is NaN."
     )
-    marker_noise_mm: dict[str, float] = Field(
+    marker_noise_mm: dict[str, Rounded] = Field(
         description="Standard deviation of one coordinate of each marker about the model, from this trial's "
         "residuals; the standard deviations of the coordinates come from it and from the motion of skin."
     )
-    rotation_error_deg: dict[str, float] = Field(
+    rotation_error_deg: dict[str, Rounded] = Field(
         default={},
         description="Measured rotation to the RMS angle between it and the model's, mounting included.",
     )
@@ -193,31 +193,24 @@ class Tracked:
 def make_trial_document(tracked: TrackedTrial, model: body.BodyModel) -> TrackedTrialDocument:
     """One trial's part of ``ik.json``."""
     motion, spread = tracked.motion, tracked.uncertainty
-    error = tracked.error
-    summary: list[tuple[str, CoordinateSummary]] = []
+    error, summary = tracked.error, dict[str, CoordinateSummary]()
     kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
     for k, name in enumerate(motion.coordinates):
         known = motion.q[:, k][np.isfinite(motion.q[:, k])]
         if name not in kinds or name not in motion.estimated or not len(known):
             continue
         unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
-        sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
-        summary.append(
-            (
-                name,
-                CoordinateSummary(
-                    mean=round(float(unit * known.mean()), 4),
-                    mean_sd=round(sd, 4) if np.isfinite(sd) else None,
-                    range=round(float(unit * np.ptp(known)), 4),
-                ),
-            )
+        summary[name] = CoordinateSummary(
+            mean=unit * known.mean(),
+            mean_sd=None if spread.mean is None else unit * spread.mean[k],
+            range=unit * np.ptp(known),
         )
     return TrackedTrialDocument(
         kinematic_error_mm=KinematicErrorDocument(
-            mean=_to_mm_or_none(error.mean),
-            rms=_to_mm_or_none(error.rms),
-            max=_to_mm_or_none(error.max),
-            per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
+            mean=1e3 * error.mean,
+            rms=1e3 * error.rms,
+            max=1e3 * error.max,
+            per_marker={name: 1e3 * value for name, value in error.per_marker.items()},
         ),
         not_determined=[n for n in motion.coordinates if n in unshown.list_unshown_names(motion, model)],
         frames_not_determined=_count_undetermined(
@@ -225,27 +218,19 @@ def make_trial_document(tracked: TrackedTrial, model: body.BodyModel) -> Tracked
         ),
         frames_at_range_end=_count_undetermined(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
         marker_noise_mm={
-            name: _to_mm(sd)
+            name: 1e3 * sd
             for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
             if np.isfinite(sd)
         },
         rotation_error_deg={
-            label: round(float(np.degrees(np.sqrt(np.nanmean(np.square(angles))))), 4)
+            label: np.degrees(np.sqrt(np.nanmean(np.square(angles))))
             for label, angles in motion.turns.items()
             if np.isfinite(angles).any()
         },
         frames=len(motion.times),
-        summary=dict(summary),
+        summary=summary,
     )
 
 
 def _count_undetermined(names: abc.Sequence[str], counts: abc.Sequence[int]) -> dict[str, int]:
     return {name: count for name, count in zip(names, counts, strict=True) if count}
-
-
-def _to_mm(metres: float) -> float:
-    return round(1e3 * metres, 4)
-
-
-def _to_mm_or_none(metres: float) -> float | None:
-    return _to_mm(metres) if np.isfinite(metres) else None

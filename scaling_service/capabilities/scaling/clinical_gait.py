@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from scaling_service.capabilities.motion import clinical_angles, saving
 from scaling_service.capabilities.scaling.comparison import gait_cycles
@@ -19,7 +18,7 @@ from scaling_service.documents.service import GaitAngleWord
 from scaling_service.documents.writing import CYCLES_TABLE
 from scaling_service.model.anatomy import frames
 from scaling_service.model.body import BodyModel
-from scaling_service.model.reference import find_reference_folder
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.statistics.waveforms import NODES
@@ -84,8 +83,7 @@ class GaitProfile:
 @cache
 def read_schwartz2008() -> Reference:
     """Walking at free speed of children and adolescents (Schwartz et al. 2008, J Biomech 41:1639)."""
-    text = (find_reference_folder() / "gait_bands_schwartz2008.yaml").read_text(encoding="utf-8")
-    document = yaml.safe_load(text)
+    document = read_reference(find_reference_folder() / "gait_bands_schwartz2008.yaml")
     bands = {
         name: Band(np.radians(curve["mean"]), np.radians(curve["sd"]))
         for name, curve in document["curves"].items()
@@ -259,7 +257,7 @@ def make_clinical_document(gait: ClinicalGait) -> results.ClinicalDocument:
         sides={
             side: results.ClinicalSide(
                 cycles=[
-                    results.ClinicalCycle(trial=trial, start_s=round(start, 4), end_s=round(end, 4))
+                    results.ClinicalCycle(trial=trial, start_s=start, end_s=end)
                     for trial, start, end in cycles.cycles
                 ],
                 curves={name: _summarise_curve(values) for name, values in cycles.values.items()},

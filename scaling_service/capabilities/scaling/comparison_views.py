@@ -16,7 +16,7 @@ from scaling_service.capabilities.scaling.comparison.geometry import list_joint_
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
 from scaling_service.documents import results as documents
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Known, Part, Rounded
 from scaling_service.documents.writing import write_json
 
 IMAGED = "EB"
@@ -45,7 +45,7 @@ class SegmentLengthComparison(documents.Provenance):
     reference: str = Field(
         description="EB, whose lengths come from images, where it was done; else the first."
     )
-    difference_mm: dict[str, dict[str, float]] = Field(
+    difference_mm: dict[str, dict[str, Rounded]] = Field(
         description="Every other method to segment to its length minus the reference's."
     )
     warnings: list[str]
@@ -56,16 +56,16 @@ class AngleDifference(Part):
 
     methods: tuple[str, str]
     frames: int
-    rms_deg: float | None
-    mean_deg: float | None = Field(description="First minus second.")
-    largest_deg: float | None
+    rms_deg: Known
+    mean_deg: Known = Field(description="First minus second.")
+    largest_deg: Known
 
 
 class AngleEntry(Part):
     """A joint angle in one recording."""
 
-    mean_deg: dict[str, float | None] = Field(description="Method to the mean over frames.")
-    range_deg: dict[str, float | None] = Field(description="Method to largest minus smallest.")
+    mean_deg: dict[str, Known] = Field(description="Method to the mean over frames.")
+    range_deg: dict[str, Known] = Field(description="Method to largest minus smallest.")
     pairs: list[AngleDifference]
 
 
@@ -122,7 +122,7 @@ def view_segment_lengths(_: Results, document: documents.ComparisonDocument) -> 
         joint_centres_mm={name: found.joint_centres_mm for name, found in document.methods.items()},
         reference=reference,
         difference_mm={
-            name: {k: round(v - lengths[reference][k], 4) for k, v in own.items() if k in lengths[reference]}
+            name: {k: v - lengths[reference][k] for k, v in own.items() if k in lengths[reference]}
             for name, own in lengths.items()
             if name != reference
         },
@@ -157,14 +157,14 @@ def _make_angle(curves: abc.Mapping[str, Array]) -> AngleEntry:
             AngleDifference(
                 methods=(a, b),
                 frames=both.size,
-                rms_deg=_number(np.sqrt(np.mean(both**2))) if both.size else None,
-                mean_deg=_number(both.mean()) if both.size else None,
-                largest_deg=_number(np.abs(both).max()) if both.size else None,
+                rms_deg=np.sqrt(np.mean(both**2)) if both.size else None,
+                mean_deg=both.mean() if both.size else None,
+                largest_deg=np.abs(both).max() if both.size else None,
             )
         )
     return AngleEntry(
-        mean_deg={name: _number(curve.mean()) if curve.size else None for name, curve in known.items()},
-        range_deg={name: _number(np.ptp(curve)) if curve.size else None for name, curve in known.items()},
+        mean_deg={name: curve.mean() if curve.size else None for name, curve in known.items()},
+        range_deg={name: np.ptp(curve) if curve.size else None for name, curve in known.items()},
         pairs=pairs,
     )
 
@@ -216,7 +216,3 @@ def _list_table_rows(view: View) -> abc.Iterator[Row]:
 
 def _make_origin(document: documents.ComparisonDocument) -> dict[str, Any]:
     return {name: getattr(document, name) for name in (*documents.Provenance.model_fields, "warnings")}
-
-
-def _number(value: float) -> float:
-    return round(float(value), 4)

@@ -74,10 +74,7 @@ class OptimisedRequest(job.OfRecordings, ScaleOptions):
 
 
 def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress) -> typing.Any:
-    """Write each method's folder, ``comparison.json`` and ``report.html``; the comparison is the result.
-
-    Raises InputError: whatever in the subject, the model or the recordings cannot be used.
-    """
+    """Write each method's folder, ``comparison.json`` and ``report.html``; the comparison is the result."""
     options = request.part(ComparisonOptions)
     _, document = _scale(request, request.methods, inputs, outputs, progress, options)
     return document.model_dump(mode="json")
@@ -86,7 +83,7 @@ def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progre
 def scale_by_one(
     request: LinearRequest | OptimisedRequest, inputs: Path, outputs: Path, progress: Progress
 ) -> typing.Any:
-    """Write the method's folder; its ``scaling.json`` is the result. Raises as the comparison does."""
+    """Write the method's folder; its ``scaling.json`` is the result."""
     options = ComparisonOptions(**request.part(ScaleOptions).model_dump())
     _scale(request, (request.method,), inputs, outputs, progress, options, comparison=False)
     return json.loads((outputs / request.method / "scaling.json").read_text(encoding="utf-8"))
@@ -98,7 +95,7 @@ def view_comparison(
     outputs: Path,
     progress: Progress,
 ) -> typing.Any:
-    """Write the comparison, and its view as JSON and CSV; raises as the comparison does."""
+    """Write the comparison, and its view as JSON and CSV."""
     from scaling_service.capabilities.scaling.comparison_views import write_view
 
     options = request.part(ComparisonOptions)

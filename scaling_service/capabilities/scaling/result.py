@@ -26,6 +26,7 @@ from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.tables import ResultTable
+from scaling_service.documents.results import VerdictDocument
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Session
 from scaling_service.numerics.multibody.laws import Array
@@ -196,7 +197,7 @@ class Results:
         return {"errors": self.errors, "lengths": self.lengths, "parameters": self.parameters, **motions}
 
     @cached_property
-    def verdict(self) -> evidence.Verdict:
+    def verdict(self) -> VerdictDocument:
         """Which model to use for this person, why, and how far to trust it."""
         return judge(gather_evidence(self))
 

@@ -221,17 +221,12 @@ def _with_muscles(results: result.Results, progress: progressing.Progress) -> re
 
 def _put_on_surfaces(scaling: result.Scaling, session: subjects.Session) -> result.Scaling:
     """The scaling with muscles attached where the person's bones are, if it lies on bones."""
-    calibration, source = scaling.calibration, session.subject.model
-    if not source.lower().endswith(".osim"):
-        raise SubjectInvalid(
-            "no muscles can follow the bones: the subject's model is no .osim model",
-            field="model",
-            remedy="Give an .osim model with muscles, or leave out --muscle-points",
-        )
+    calibration = scaling.calibration
+    source = _find_muscles(session, "no muscles can follow the bones", "--muscle-points")
     if session.images is None or not calibration.image_poses:
         return scaling
     found = follow_surfaces(
-        _expect_text(*render_scaled([calibration], session)), calibration, session.images.bones, Path(source)
+        _expect_text(*render_scaled([calibration], session)), calibration, session.images.bones, source
     )
     noted = replace(calibration, warnings=(*calibration.warnings, *found.notes))
     return replace(scaling, calibration=noted, osim=found.osim, attachments=found.moved)
@@ -239,18 +234,24 @@ def _put_on_surfaces(scaling: result.Scaling, session: subjects.Session) -> resu
 
 def _keep_ranges(scaling: result.Scaling, session: subjects.Session) -> result.Scaling:
     """The scaling with fibres that work over the range that they have in the generic model."""
-    calibration, source = scaling.calibration, session.subject.model
-    if not source.lower().endswith(".osim"):
-        raise SubjectInvalid(
-            "no fibres can keep their range: the subject's model is no .osim model",
-            field="model",
-            remedy="Give an .osim model with muscles, or leave out --muscle-parameters",
-        )
+    calibration = scaling.calibration
+    source = _find_muscles(session, "no fibres can keep their range", "--muscle-parameters")
     text = scaling.osim or _expect_text(*render_scaled([calibration], session))
-    osim, kept = keep_ranges(text, hold_markers(calibration.model), Path(source))
+    osim, kept = keep_ranges(text, hold_markers(calibration.model), source)
     said = (f"fibres and tendons kept their ratio of {', '.join(kept)}",) if kept else ()
     noted = replace(calibration, warnings=(*calibration.warnings, *said))
     return replace(scaling, calibration=noted, osim=osim)
+
+
+def _find_muscles(session: subjects.Session, refused: str, flag: str) -> Path:
+    """The subject's model file, which has muscles."""
+    if not session.subject.model.lower().endswith(".osim"):
+        raise SubjectInvalid(
+            f"{refused}: the subject's model is no .osim model",
+            field="model",
+            remedy=f"Give an .osim model with muscles, or leave out {flag}",
+        )
+    return Path(session.subject.model)
 
 
 def _expect_text(found: str | InputError) -> str:
@@ -386,7 +387,7 @@ def run_demo(
         settings,
         progress=progressing.report_part(report, _BONES, 1 - _BONES),
     )
-    lengths = {name: round(1e3 * value, 4) for name, value in measure_segment_lengths(person.model).items()}
+    lengths = {name: 1e3 * value for name, value in measure_segment_lengths(person.model).items()}
     errors = {}
     for method, scaling in results.scalings.items():
         model = scaling.calibration.model
@@ -399,5 +400,5 @@ def run_demo(
             found[f"{name}_centre_mm"] = 1e3 * gap
         for name, gap in geometry.compute_angle_errors(held_out, person.model, person.motions).items():
             found[f"{name}_deg"] = math.degrees(gap)
-        errors[method] = {name: round(value, 4) for name, value in found.items()}
+        errors[method] = found
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)

@@ -7,7 +7,6 @@ glTF asks); every bone is a node of its segment's name.
 
 from __future__ import annotations
 
-import json
 import math
 from collections import abc
 from pathlib import Path
@@ -36,8 +35,9 @@ from scaling_service.core import errors
 from scaling_service.core import progress as progressing
 from scaling_service.documents import results as documents
 from scaling_service.documents import writing
+from scaling_service.files.model_json import write_model_json
 from scaling_service.files.osim.models import replace_text
-from scaling_service.model.document import to_document
+from scaling_service.model.body import to_vector
 from scaling_service.model.freed import MARKERS_HELD
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
@@ -48,6 +48,7 @@ _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
     f"{saving.HELD} hold it at its neutral value for them"
 )
+_MM = 1e3
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
 _BONES: abc.Mapping[str, documents.SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
@@ -101,7 +102,7 @@ def save(
     >>> list(document.methods)
     ['MB']
     """
-    tell, gait, verdict = progress or progressing.show_nothing, results.gait, results.verdict
+    tell, gait = progress or progressing.show_nothing, results.gait
     with writing.all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, documents.MethodResult] = {}
         bare = [name for name, scaling in results.scalings.items() if scaling.osim is None]
@@ -112,14 +113,14 @@ def save(
             methods[method] = _write_method(
                 scratch / method, scaling, gait[method], results, scaling.osim or texts[method]
             )
-        document = make_comparison_document(results, methods, truth, verdict)
+        document = make_comparison_document(results, methods, truth)
         for method, own in make_scaling_documents(document).items():
             writing.write_json(scratch / method / "scaling.json", own)
         if comparison:
             writing.write_json(scratch / "comparison.json", document)
         if comparison and report:
             tell("writing the report", 1.0)
-            (scratch / writing.REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
+            make_report(results, document).write(scratch)
     return document
 
 
@@ -150,8 +151,7 @@ def _write_method(
     """
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
-    content = json.dumps(to_document(calibration.model), indent=1, allow_nan=False)
-    (folder / "model.json").write_text(content + "\n", encoding="utf-8")
+    write_model_json(folder / "model.json", calibration.model)
     for name, motion in scaling.motions.items():
         saving.write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
     for name, tracked in scaling.followed.items():
@@ -206,7 +206,6 @@ def make_comparison_document(
     results: result.Results,
     methods: dict[str, documents.MethodResult],
     truth: documents.TruthDocument | None,
-    verdict: evidence.Verdict,
 ) -> documents.ComparisonDocument:
     """``comparison.json``."""
     session, settings = results.session, results.settings
@@ -215,7 +214,7 @@ def make_comparison_document(
     return documents.ComparisonDocument(
         **provenance.record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
         sizes=provenance.read_stated_sizes(session.subject),
-        verdict=documents.VerdictDocument.model_validate(verdict, from_attributes=True),
+        verdict=results.verdict,
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),
@@ -263,27 +262,29 @@ def make_method_document(
             name: _make_error(error, held_out=name in results.held_out)
             for name, error in scaling.errors.items()
         },
-        fitted_mean_mm=None if fitted is None else _to_mm(fitted.mean),
-        held_out_mean_mm=None if held_out is None else _to_mm(held_out.mean),
+        fitted_mean_mm=None if fitted is None else _MM * fitted.mean,
+        held_out_mean_mm=None if held_out is None else _MM * held_out.mean,
         held_out_ratio=None
         if fitted is None or held_out is None or fitted.mean <= 0.0
-        else round(held_out.mean / fitted.mean, 4),
-        segment_lengths_mm={name: _to_mm(length) for name, length in shape.lengths.items()},
+        else held_out.mean / fitted.mean,
+        segment_lengths_mm={name: _MM * length for name, length in shape.lengths.items()},
         length_estimates=_list_length_estimates(calibration, shape.lengths),
         segment_sources=found,
         joint_centres_mm={
             name: documents.JointCentre(
                 frame=frame,
-                xyz=_to_mm3(at),
-                sd_mm=_to_mm3(calibration.centres[name].sd) if name in calibration.centres else None,
+                xyz=to_vector(_MM * x for x in at),
+                sd_mm=to_vector(_MM * sd for sd in calibration.centres[name].sd)
+                if name in calibration.centres
+                else None,
             )
             for name, (frame, at) in shape.joint_centres.items()
         },
         knee_axis_deg={
-            side: documents.KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
+            side: documents.KneeAxis(x=math.degrees(x), y=math.degrees(y))
             for side, (x, y) in shape.knee_axes.items()
         },
-        marker_shift_mm={name: _to_mm(shift) for name, shift in shape.marker_shifts.items()},
+        marker_shift_mm={name: _MM * shift for name, shift in shape.marker_shifts.items()},
         scale_factors=dict(calibration.scale_factors),
         parameters=[
             documents.FittedParameter(
@@ -299,8 +300,7 @@ def make_method_document(
         cumulative_error_mm2=None if math.isnan(calibration.cost) else round(calibration.cost * 1e6, 2),
         iterations=calibration.iterations,
         wall_s=documents.WallTime(
-            calibration=round(calibration.wall_s, 4),
-            inverse_kinematics=round(scaling.inverse_kinematics_s, 4),
+            calibration=calibration.wall_s, inverse_kinematics=scaling.inverse_kinematics_s
         ),
         clinical=clinical_gait.make_clinical_document(gait),
         warnings=[*calibration.warnings, *warnings],
@@ -316,10 +316,10 @@ def _list_length_estimates(
     found = {name: sizes.get(name) or sizes.get(f"{name}_r") for name in lengths}
     return {
         name: documents.LengthEstimate(
-            sd_mm=_to_mm(size.sd * lengths[name]),
-            measured=round(size.measured, 4),
-            others=round(size.others, 4),
-            expected=round(size.expected, 4),
+            sd_mm=_MM * size.sd * lengths[name],
+            measured=size.measured,
+            others=size.others,
+            expected=size.expected,
         )
         for name, size in found.items()
         if size is not None
@@ -327,25 +327,14 @@ def _list_length_estimates(
 
 
 def _make_error(error: KinematicError, *, held_out: bool) -> documents.TrialError:
-    anatomical, tracking = error.anatomical_mean, error.tracking_mean
     return documents.TrialError(
         role="evaluation" if held_out else "calibration",
-        mean=_to_mm(error.mean),
-        sd=_to_mm(error.sd),
-        rms=_to_mm(error.rms),
-        max=_to_mm(error.max),
-        anatomical_mean=None if math.isnan(anatomical) else _to_mm(anatomical),
-        tracking_mean=None if math.isnan(tracking) else _to_mm(tracking),
+        mean=_MM * error.mean,
+        sd=_MM * error.sd,
+        rms=_MM * error.rms,
+        max=_MM * error.max,
+        anatomical_mean=_MM * error.anatomical_mean,
+        tracking_mean=_MM * error.tracking_mean,
         frames=error.n_frames,
-        per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
+        per_marker={name: _MM * value for name, value in error.per_marker.items()},
     )
-
-
-def _to_mm(metres: float) -> float:
-    """A tenth of a micrometre is beyond any measurement."""
-    return round(metres * 1e3, 4)
-
-
-def _to_mm3(metres: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, z = (_to_mm(v) for v in metres)
-    return (x, y, z)

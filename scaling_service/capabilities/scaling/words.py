@@ -46,7 +46,7 @@ def make_comparison_tables(document: results.ComparisonDocument) -> abc.Iterator
     """All that the terminal shows."""
     methods, truth = document.methods, document.truth
     yield tabulate_errors(methods)
-    yield tabulate_lengths(methods, truth.segment_lengths_mm if truth else {}, "truth")
+    yield tabulate_lengths(methods, truth.segment_lengths_mm if truth else {})
     if any(m.knee_axis_deg for m in methods.values()):
         yield tabulate_axes(methods)
     if any(m.parameters for m in methods.values()):
@@ -86,22 +86,16 @@ def tabulate_errors(methods: Methods) -> tables.Table:
     )
 
 
-def tabulate_lengths(methods: Methods, reference: abc.Mapping[str, float], title: str) -> tables.Table:
-    """Segment lengths with their deviations, and how far they are from a reference, named by ``title``."""
+def tabulate_lengths(methods: Methods, truth: abc.Mapping[str, float]) -> tables.Table:
+    """Segment lengths with their deviations, and how far they are from the truth where that is known."""
     rows = []
     for name in words.unite_keys(m.segment_lengths_mm for m in methods.values()):
-        cells = [_format_length(m, name, reference.get(name)) for m in methods.values()]
-        rows.append(
-            tables.Row(
-                words.spell_name(name), [*cells, *([words.number(reference.get(name))] if reference else [])]
-            )
-        )
+        cells = [_format_length(m, name, truth.get(name)) for m in methods.values()]
+        known = [words.number(truth.get(name))] if truth else []
+        rows.append(tables.Row(words.spell_name(name), [*cells, *known]))
     note = "Between joint centres. ± is one standard deviation, from the errors of markers and sizes."
-    note += f" In brackets: the difference from the {title}." if reference else ""
-    if reference and title == "image":
-        note += " Only lengths between imaged joint centres are held against the image."
-    more = [title] if reference else []
-    return _make_table("Segment lengths, mm", methods, rows, note, more)
+    note += " In brackets: the difference from the truth." if truth else ""
+    return _make_table("Segment lengths, mm", methods, rows, note, ["truth"] if truth else [])
 
 
 def tabulate_axes(methods: Methods) -> tables.Table:
@@ -149,18 +143,13 @@ def tabulate_truth(truth: results.TruthDocument) -> tables.Table:
     """Of a virtual person: each method's distance from what is known."""
     rows = [
         tables.Row(
-            f"{name_measure(name)}, {name.rpartition('_')[2]}",
+            "{0}, {2}".format(*name.rpartition("_")).replace("_", " "),
             [words.number(errors.get(name)) for errors in truth.errors.values()],
         )
         for name in words.unite_keys(truth.errors.values())
     ]
     note = "This person is virtual. On held-out trials."
     return _make_table("Distance from the truth", truth.errors, rows, note)
-
-
-def name_measure(name: str) -> str:
-    """``hip_centre_mm`` as ``hip centre``."""
-    return name.rpartition("_")[0].replace("_", " ")
 
 
 def _make_table(

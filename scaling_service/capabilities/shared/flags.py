@@ -62,14 +62,11 @@ Workers = typing.Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
 class Only:
     """Beside an options model in a command's signature: the flags that this command has."""
 
-    names: tuple[str, ...]  # of fields, wherever in the model they are
-
     def __init__(self, *names: str) -> None:
-        object.__setattr__(self, "names", names)
+        self.names = names  # of fields, wherever in the model they are
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,20 +144,16 @@ def with_flags(function: abc.Callable[..., typing.Any]) -> abc.Callable[..., typ
     return command
 
 
-def make_pairs_reader(field: str) -> abc.Callable[[list[str]], abc.Mapping[str, str]]:
-    """The reader of a flag that takes ``NAME=VALUE`` and may be given again."""
-
-    def read(given: list[str]) -> abc.Mapping[str, str]:
-        found: dict[str, str] = {}
-        for text in given:
-            name, sign, value = (part.strip() for part in text.partition("="))
-            if not (name and sign and value) or name in found:
-                problem = f"'{name}' is mapped twice" if name in found else f"'{text}' is not MARKER=LABEL"
-                raise InputError(problem, field=field, remedy=f"Give it like {field} RLFE=RKNE")
-            found[name] = value
-        return found
-
-    return read
+def read_labels(given: list[str]) -> abc.Mapping[str, str]:
+    """The reader of ``--marker``, which takes ``MARKER=LABEL`` and may be given again."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value) or name in found:
+            problem = f"'{name}' is mapped twice" if name in found else f"'{text}' is not MARKER=LABEL"
+            raise InputError(problem, field="--marker", remedy="Give it like --marker RLFE=RKNE")
+        found[name] = value
+    return found
 
 
 def read_names(text: str) -> list[str]:

@@ -28,7 +28,8 @@ Work = abc.Callable[[typing.Any, Path, Path, Progress], typing.Any]
 """Request, folder of inputs, folder of outputs, progress -> the result, JSON-ready.
 
 The folder of inputs has one folder for each subject, with its document as ``subject.json`` and the
-uploaded files beside it. What is written to the folder of outputs becomes the job's files.
+uploaded files beside it. What is written to the folder of outputs becomes the job's files. Raises InputError:
+whatever in the subject, the model, the recordings or their forces cannot be used.
 """
 
 Chosen = typing.TypeVar("Chosen", bound=Options)

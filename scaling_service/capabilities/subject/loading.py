@@ -12,10 +12,7 @@ from types import MappingProxyType
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels, reading
 from scaling_service.capabilities.subject import rotations as subject_rotations
-from scaling_service.capabilities.subject.axes import (
-    decide_axes,
-    list_level_corners,
-)
+from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.core.errors import TrialUnusable
@@ -97,14 +94,6 @@ class Understood:
     clusters: abc.Mapping[str, tuple[str, ...]]
     axes: orientations.Orientation
     notes: tuple[Note, ...]
-
-    def list_used_labels(self) -> dict[str, tuple[str, ...]]:
-        """Model marker to the labels that were taken for it in the recordings."""
-        used: dict[str, tuple[str, ...]] = {}
-        for name in labels.list_wanted(self.model, self.subject):
-            if taken := tuple(dict.fromkeys(one[name] for one in self.labels.values() if name in one)):
-                used[name] = taken
-        return used
 
 
 def open_subject(
@@ -242,7 +231,9 @@ def understand(
         trials={
             path: orientations.apply(axes, named[path][0])
             if path in named
-            else subject_rotations.turn_alone(found.trial, settings)
+            else orientations.turn_rotations(  # whose laboratory may be another
+                subject_rotations.decide_axes_of_rotations(found.trial, settings), found.trial
+            )
             for path, found in files.recordings.items()
         },
         labels={path: used for path, (_, used) in named.items()},
@@ -322,7 +313,11 @@ def prepare(
     )
     return Loaded(
         session=session,
-        markers_used=understood.list_used_labels(),
+        markers_used={
+            name: taken
+            for name in labels.list_wanted(understood.model, subject)
+            if (taken := tuple(dict.fromkeys(one[name] for one in understood.labels.values() if name in one)))
+        },
         axes=understood.axes.description,
         orientation=understood.axes,
         plates={path: found.plates for path, found in files.recordings.items() if found.plates is not None},

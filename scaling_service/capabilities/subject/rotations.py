@@ -57,11 +57,6 @@ def _find_upright_of_segments(held: trials.Rotations, axis: int) -> Array:
     return np.asarray(np.nanmean(held.matrices[:, trunk or slice(None), :, axis], axis=(0, 1)))
 
 
-def turn_alone(trial: trials.Trial, settings: Settings) -> trials.Trial:
-    """A recording of rotations without markers, whose laboratory may be another."""
-    return orientation.turn_rotations(decide_axes_of_rotations(trial, settings), trial)
-
-
 def part_rotations(session: Session, *, wanted: bool) -> Session:
     """The session with recordings of rotations without markers apart."""
     turned = {

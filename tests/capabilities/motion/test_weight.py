@@ -60,13 +60,6 @@ def test_the_interval_covers_the_true_mass() -> None:
     assert 0.92 < np.mean(covered) < 0.98
 
 
-def test_what_one_plate_misses_is_no_lasting_lack_of_weight() -> None:
-    """Steps in turn on a plate that reads 8 % too little and on a right one."""
-    steps = [(0.92 * m if k % 2 else m, n) for k, (m, n) in enumerate(recording(62.6, 62.6, 20))]
-    assert not weight_of(walk=steps).lasting
-    assert weight_of(walk=recording(60.1, 62.6, 20)).lasting
-
-
 def test_a_mass_that_the_plates_cannot_mean_is_refused() -> None:
     with pytest.raises(TrialUnusable, match=r"the model weighs 10\.0 kg"):
         Weight(declared_kg=10.0, plates_kg=60.0, sd_kg=0.2, by_trial={"a": 60.0}).check()

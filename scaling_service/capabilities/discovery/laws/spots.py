@@ -20,13 +20,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.model import body
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_scale
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    compute_jacobian,
-    order_by_frame,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree as trees
 
 AXES: tuple[body.Vector, body.Vector, body.Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LETTERS = "xyz"
@@ -148,7 +142,7 @@ def with_parameters(model: body.BodyModel, spots: Sequence[Spot]) -> tuple[body.
 class Generators:
     """The derivative of all markers with respect to every spot."""
 
-    tree: Tree
+    tree: trees.Tree
     p: Array
     variables: NDArray[np.intp]
     volumes: tuple[int, ...]  # which spots are of the volume, in which places move by themselves
@@ -171,9 +165,9 @@ class Generators:
 
     def at(self, item: MotionFit, rows: Frames) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), m."""
-        poses = pose_links(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
-        placed = place_tree_markers(self.tree, poses)
-        rates = compute_jacobian(self.tree, poses, placed, self.variables)
+        poses = trees.pose_links(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
+        placed = trees.place_tree_markers(self.tree, poses)
+        rates = trees.compute_jacobian(self.tree, poses, placed, self.variables)
         n, count = placed.shape[-1], int(item.task.free.sum())
         if self.volumes:
             at = [count + k for k in self.volumes]
@@ -184,6 +178,6 @@ class Generators:
         measured = item.task.measured[rows]
         shown = np.isfinite(measured).reshape(n, -1)
         gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0)
-        moved = order_by_frame(rates)
+        moved = trees.order_by_frame(rates)
         moved *= shown[:, None]
         return gap, moved[:, :count], moved[:, count:]

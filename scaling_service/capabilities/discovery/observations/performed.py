@@ -39,9 +39,9 @@ _SMOOTH_HZ = 3.0  # chosen: which foot is the lowest changes at once, the pelvis
 _SIDES = ("_r", "_l")
 
 
-def _make_wave(mean_deg: float, swing_deg: float, lead: float = 0.0, times: int = 1) -> _Course:
+def _make_wave(mean_deg: float, swing_deg: float, lead: float = 0.0) -> _Course:
     """Degrees over a cycle 0 to 1."""
-    return lambda phase: np.radians(mean_deg + swing_deg * np.cos(2.0 * np.pi * (times * phase + lead)))
+    return lambda phase: np.radians(mean_deg + swing_deg * np.cos(2.0 * np.pi * (phase + lead)))
 
 
 MOVEMENTS: Mapping[str, Mapping[str, _Course]] = {
@@ -137,7 +137,19 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
     sides = _assign_sides(like, feet)
     if not sides:
         return None
-    item = _move_trial(item, _keep_on_floor(item, feet), movement)
+    # The coordinates with the lower foot kept on the floor; as they are where the root does not travel
+    task, q = item.task, item.q.copy()
+    height = _locate_feet(item, feet)[:, :, 1].min(axis=1)
+    smooth = filter_butterworth(height, rate_hz=RATE_HZ, cutoff_hz=_SMOOTH_HZ, order=4).values
+    for k, coordinate in enumerate(task.model.coordinates):
+        if coordinate.kind == "translation":
+            moved = q[:1].copy()
+            moved[0, k] += _STEP_M
+            lifted = pose_markers(task.tree, moved, task.p) - task.measured[:1]
+            if np.abs(lifted - _STEP_M * _UP).max() < _SAME:
+                q[:, k] -= smooth - smooth[0]
+                break
+    item = _move_trial(item, q, movement)
     made = replace(
         like,
         tracked=item,
@@ -172,22 +184,6 @@ def _assign_sides(like: WrenchFit, feet: _Feet) -> dict[str, int]:
         if known.any():
             found[plate] = int(np.median(np.argmin(distance[known, k], axis=1)))
     return found
-
-
-def _keep_on_floor(item: MotionFit, feet: _Feet) -> Array:
-    """The coordinates with the lower foot kept on the floor; as they are where the root does not travel."""
-    task, q = item.task, item.q.copy()
-    height = _locate_feet(item, feet)[:, :, 1].min(axis=1)
-    smooth = filter_butterworth(height, rate_hz=RATE_HZ, cutoff_hz=_SMOOTH_HZ, order=4).values
-    for k, coordinate in enumerate(task.model.coordinates):
-        if coordinate.kind == "translation":
-            moved = q[:1].copy()
-            moved[0, k] += _STEP_M
-            lifted = pose_markers(task.tree, moved, task.p) - task.measured[:1]
-            if np.abs(lifted - _STEP_M * _UP).max() < _SAME:
-                q[:, k] -= smooth - smooth[0]
-                break
-    return q
 
 
 def _share_wrench(made: WrenchFit, feet: _Feet, sides: dict[str, int]) -> GroundForces:

@@ -9,12 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.document import (
-    DisagreementDocument,
-    GapDocument,
-    LevelDocument,
-    PlaceLevelDocument,
-)
+from scaling_service.capabilities.discovery import document as documents
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
@@ -130,9 +125,9 @@ def _list_floors(yardstick: Yardstick, tally: _Tally) -> Array:
     return np.stack([rows[trial] for trial in tally.trials], axis=1)
 
 
-def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> GapDocument:
+def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> documents.GapDocument:
     """Levels of all observables and places of the trials of a role."""
-    levels: dict[str, LevelDocument] = {}
+    levels: dict[str, documents.LevelDocument] = {}
     places, whitened, trials = {}, [], [item.name for item in before.tracked if item.role == role]
     for observable, (name, part) in PARTS.items():
         old, new = (_tally(fit, trials, forces=observable != "marker") for fit in (before, after))
@@ -141,16 +136,16 @@ def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> Ga
         floor, left = _list_floors(yardstick, old)
         every = old.square, old.frames, new.square, new.frames, floor * old.frames, left * old.frames
         unit, factor = UNITS[observable]
-        levels[name] = LevelDocument(**_measure([[x[:, part] for x in every]], factor))
+        levels[name] = documents.LevelDocument(**_measure([[x[:, part] for x in every]], factor))
         for k in range(len(old.places))[part]:
             level = _measure([[x[:, k : k + 1] for x in every]], factor)
-            places[old.places[k]] = PlaceLevelDocument(**level, unit=unit)
+            places[old.places[k]] = documents.PlaceLevelDocument(**level, unit=unit)
         scale = 1.0 / np.where(floor > 0.0, floor, np.nan)
         counted = np.where(np.isfinite(scale), old.frames, 0.0)
         squares = old.square * scale, counted, new.square * scale, counted, counted, left * counted * scale
         whitened.append([x[:, part] for x in squares])
-    return GapDocument(
-        whitened=LevelDocument(**_measure(whitened, 1.0)) if whitened else None,
+    return documents.GapDocument(
+        whitened=documents.LevelDocument(**_measure(whitened, 1.0)) if whitened else None,
         places=places,
         **{name: levels.get(name) for name, _ in PARTS.values()},
     )
@@ -199,7 +194,7 @@ def list_shown(where: Sequence[str], fit: Fit) -> list[str]:
     return markers or [m.name for m in fit.model.markers]
 
 
-def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocument, ...]:
+def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[documents.DisagreementDocument, ...]:
     """All places, the largest share of what stands above the ordinary first."""
     every = [item.name for item in fit.tracked]
     tallies = [t for forces in (False, True) if (t := _tally(fit, every, forces=forces)) is not None]
@@ -218,7 +213,9 @@ def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[DisagreementDocu
     return tuple(_describe_place(tally, k, floors[p], above[p] / total, fit) for p, tally, k in found)
 
 
-def _describe_place(tally: _Tally, k: int, floor: float, share: float, fit: Fit) -> DisagreementDocument:
+def _describe_place(
+    tally: _Tally, k: int, floor: float, share: float, fit: Fit
+) -> documents.DisagreementDocument:
     place, rms = tally.places[k], tally.rms([k])
     observable = classify_place(place)
     unit, factor = UNITS[observable]
@@ -231,7 +228,7 @@ def _describe_place(tally: _Tally, k: int, floor: float, share: float, fit: Fit)
     most = int(np.argmax(mean))
     # Independent numbers: a block of time is one look at a place along each axis
     freedom = float((frames > 0.0).sum()) * (3.0 if observable == "marker" else 1.0)
-    return DisagreementDocument(
+    return documents.DisagreementDocument(
         where=place,
         observable=observable,
         unit=unit,

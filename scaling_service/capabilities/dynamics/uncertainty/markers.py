@@ -202,7 +202,6 @@ class FrameChoice:
 
     windows: tuple[Window, ...]
     total: float  # information of the whole recording, nats
-    frames: NDArray[np.bool_]  # (n,): those of the chosen windows that are used
 
     @property
     def share(self) -> float:
@@ -258,14 +257,13 @@ def choose_frames(
     order, gains = _choose_greedily(list(pieces.values()), min(count, len(pieces)))
     numbers = np.array(list(pieces))[order]
     weight = reference.scale[0]
-    windows, frames = [], np.zeros(reference.n_frames, dtype=bool)
+    windows = []
     for number, gain in zip(numbers.tolist(), gains, strict=True):
         start, stop = number * length, min((number + 1) * length, reference.n_frames)
-        frames[start:stop] = reference.used[start:stop]
         inside = (uncertainty.frames >= start) & (uncertainty.frames < stop)
         windows.append(Window(start, stop, gain, float(uncertainty.sd[inside, :3].mean() / weight)))
     whole = np.eye(len(next(iter(pieces.values())))) + sum(pieces.values())
-    return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]), frames)
+    return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]))
 
 
 def _choose_greedily(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:

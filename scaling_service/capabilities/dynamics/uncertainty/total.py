@@ -12,10 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_motion_noise
-from scaling_service.capabilities.dynamics.uncertainty.plates import (
-    PlateNoise,
-    propagate_plate_noise,
-)
+from scaling_service.capabilities.dynamics.uncertainty.plates import PlateNoise, propagate_plate_noise
 from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion as LoadedMotion
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS

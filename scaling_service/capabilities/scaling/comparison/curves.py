@@ -34,17 +34,6 @@ Motions = abc.Mapping[str, abc.Mapping[str, Motion]]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Curves:
-    """One quantity of one trial by method, mm or degrees, at the times ``x``, s; NaN where unknown."""
-
-    name: str
-    trial: str
-    held_out: bool
-    x: Array
-    values: abc.Mapping[str, Array]
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CycleCurves:
     """A joint angle over the gait cycle, by each method.
 
@@ -83,14 +72,12 @@ def describe_test(test: CurveTest | None) -> dict[str, Any]:
 class Gait:
     """Joint angles over the gait cycles of one person.
 
-    ``reference``: the method that the others are tested against.
     ``trials``: where the cycles are from.
     ``held_out``: whether none of these trials was fitted.
     ``reason``: why there are no curves; empty where there are.
     """
 
     curves: tuple[CycleCurves, ...] = ()
-    reference: str = ""
     trials: tuple[str, ...] = ()
     held_out: bool = True
     reason: str = ""
@@ -130,9 +117,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
                     _make_cycle_curves(angle, degrees[:, :, k], reference, results)
                     for k, angle in enumerate(angles)
                 ]
-        gait = Gait(
-            curves=tuple(curves), reference=reference, trials=tuple(dict.fromkeys(used)), held_out=held_out
-        )
+        gait = Gait(curves=tuple(curves), trials=tuple(dict.fromkeys(used)), held_out=held_out)
         if gait.curves:
             return gait
     return Gait(reason=gait_cycles.explain_no_cycles(trials) or "no whole stride is followed")

@@ -1,21 +1,14 @@
-"""What a verdict on scaled models rests on, and what it says."""
+"""What a verdict on scaled models rests on."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections import abc
-from typing import Literal
 
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.documents.base import Tone
-from scaling_service.documents.results import TrustNote
-
-Strength = Literal["decided", "leaning", "undecided"]
-TONES: abc.Mapping[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
-"""Whether recordings and images say more of the person than people in general do, less, or contradict it."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -96,26 +89,6 @@ class Evidence:
     def reference(self) -> MethodEvidence | None:
         """The method whose lengths and centres stand for the image's, if any was computed."""
         return next((m for m in self.methods if m.from_images), None)
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """Which method to use for a person, why, and how far to trust it.
-
-    ``method``: the one to use, or what comes nearest to it where it was not computed.
-    ``why``: plain sentences.
-    """
-
-    method: str
-    strength: Strength
-    headline: str
-    why: tuple[str, ...]
-    trust: tuple[TrustNote, ...]
-
-    @property
-    def tone(self) -> Tone:
-        """Whether the headline is good news."""
-        return TONES[self.strength]
 
 
 def average_errors(errors: abc.Mapping[str, KinematicError], trials: abc.Iterable[str]) -> Following | None:

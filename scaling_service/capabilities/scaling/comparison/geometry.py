@@ -48,20 +48,7 @@ class Geometry:
 
 def measure_geometry(calibration: results.Calibration) -> Geometry:
     """Lengths, joint centres, knee axes and marker shifts of a calibration's model."""
-    return Geometry(
-        anatomy_lengths.measure_segment_lengths(calibration.model),
-        anatomy_lengths.find_joint_centres(calibration.model),
-        {_find_side(joint): tilt for joint, tilt in _measure_knee_tilts(calibration).items()},
-        measure_marker_shifts(calibration),
-    )
-
-
-def _measure_knee_tilts(calibration: results.Calibration) -> dict[str, parameters.Tilt]:
-    """The turns of each knee's axis from z of the thigh.
-
-    An OpenSim model's joint has a frame of its own, turned against the thigh: where images moved the joint,
-    the turns are those of the axis itself.
-    """
+    # The turns of each knee's axis from z of the thigh
     tilts = dict(calibration.axis_tilts)
     values = anatomy_lengths.straighten(calibration.model)
     for segment in calibration.model.segments:
@@ -70,7 +57,12 @@ def _measure_knee_tilts(calibration: results.Calibration) -> dict[str, parameter
         if thigh and move is not None and any(move.turn):
             axis = find_axis_in_parent(segment, values)
             tilts[segment.joint_name] = parameters.tilt_of(axis if axis[2] > 0.0 else -axis)
-    return tilts
+    return Geometry(
+        anatomy_lengths.measure_segment_lengths(calibration.model),
+        anatomy_lengths.find_joint_centres(calibration.model),
+        {_find_side(joint): tilt for joint, tilt in tilts.items()},
+        measure_marker_shifts(calibration),
+    )
 
 
 def measure_marker_shifts(calibration: results.Calibration) -> dict[str, float]:
@@ -121,8 +113,7 @@ def place_centres(
         local = np.einsum("nij,nj->ni", axes, point - origin)
         known = local[np.isfinite(local).all(axis=1)]
         if len(known):
-            x, y, z = (float(v) for v in known.mean(axis=0))
-            found[name] = (x, y, z)
+            found[name] = body.to_vector(known.mean(axis=0))
     return found
 
 

@@ -13,7 +13,8 @@ from typing import Literal
 from scaling_service.capabilities.scaling.comparison import evidence as judging
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
-from scaling_service.documents.results import TrustNote
+from scaling_service.documents.base import Tone
+from scaling_service.documents.results import TrustNote, VerdictDocument
 from scaling_service.report import words
 
 ANSWER = "MAP"
@@ -31,6 +32,10 @@ ANGLE_GOOD, ANGLE_FAIR = math.radians(2.0), math.radians(5.0)
 """McGinley et al. 2009 (Gait Posture 29:360-369), discussion: errors of 2 deg or less are likely to be
 acceptable, between 2 and 5 deg reasonable with some care, beyond 5 deg they may mislead a reader."""
 
+Strength = Literal["decided", "leaning", "undecided"]
+TONES: abc.Mapping[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
+"""Whether recordings and images say more of the person than people in general do, less, or contradict it."""
+
 Level = Literal["good", "fair", "poor", "unknown"]
 """How far something can be trusted; ``unknown`` where nothing is known that could tell."""
 
@@ -38,8 +43,10 @@ Graded = tuple[Level, str]
 """How far to trust something, and why."""
 
 
-def judge(evidence: judging.Evidence) -> judging.Verdict:
+def judge(evidence: judging.Evidence) -> VerdictDocument:
     """The verdict on a person's scaled models.
+
+    Its method is the one to use, or what comes nearest to it where that was not computed.
 
     ``evidence``: of at least one method.
     Raises ValueError: there is no method.
@@ -77,7 +84,7 @@ def judge(evidence: judging.Evidence) -> judging.Verdict:
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
         doubts.append(f"{_describe_unusual(odd)} Check height, units and labels.")
-    strength: judging.Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
+    strength: Strength = "undecided" if doubts else "leaning" if chosen.by_people else "decided"
     why = [f"{stop}." for stop in chosen.stops]
     if chosen.method == ANSWER:
         images = "images, " if evidence.imaged else ""
@@ -97,11 +104,12 @@ def judge(evidence: judging.Evidence) -> judging.Verdict:
             "no merit: what is free takes up skin, and of virtual persons such models are further from the "
             "bones."
         )
-    return judging.Verdict(
+    return VerdictDocument(
         method=chosen.method,
         strength=strength,
         headline=_write_headline(chosen, strength, evidence),
-        why=(*doubts, *why),
+        tone=TONES[strength],
+        why=[*doubts, *why],
         trust=rate_trust(chosen, evidence),
     )
 
@@ -117,9 +125,7 @@ def _describe_unusual(lengths: tuple[str, ...]) -> str:
     return f"{list_few(lengths)} would be unusual for the person's height."
 
 
-def _write_headline(
-    chosen: judging.MethodEvidence, strength: judging.Strength, evidence: judging.Evidence
-) -> str:
+def _write_headline(chosen: judging.MethodEvidence, strength: Strength, evidence: judging.Evidence) -> str:
     if chosen.method != ANSWER:
         return f"{chosen.method} is one estimate of several: compute {ANSWER} to know how far to trust it."
     if strength == "undecided":
@@ -139,14 +145,14 @@ def _write_headline(
     return f"Use {ANSWER} for this person{said}."
 
 
-def rate_trust(chosen: judging.MethodEvidence, evidence: judging.Evidence) -> tuple[TrustNote, ...]:
+def rate_trust(chosen: judging.MethodEvidence, evidence: judging.Evidence) -> list[TrustNote]:
     """One line each for markers, for lengths and joint centres, and for joint angles."""
     topics = {
         "Following the markers": _rate_markers(chosen),
         "Lengths and joint centres": _rate_geometry(chosen, evidence),
         "Joint angles": _rate_angles(chosen),
     }
-    return tuple(TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items())
+    return [TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items()]
 
 
 def _rate_markers(chosen: judging.MethodEvidence) -> Graded:

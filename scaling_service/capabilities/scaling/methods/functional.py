@@ -21,7 +21,7 @@ from scaling_service.model import parameters
 from scaling_service.model import poses as posing
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import build_femur_frame
-from scaling_service.model.body import BodyModel
+from scaling_service.model.body import BodyModel, to_vector
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import problem
@@ -138,10 +138,6 @@ class FunctionalJoints:
     hips: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
     knees: abc.Mapping[str, Array] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
-
-    def hip_in(self, trial: Trial, side: str) -> Array:
-        """A hip centre carried by the pelvis' markers through a trial, (n_frames, 3), m."""
-        return self.posture.cluster("pelvis").poses(trial).place(self.hips[side])
 
 
 class _NotFound(Exception):
@@ -287,8 +283,7 @@ def with_functional(
         rotation, position = rigid.fit_rigid(
             np.array(local), np.array([joints.posture.points[n] for n in known])
         )
-        x, y, z = (float(v) for v in rotation.T @ (centre - position))
-        model = placement.with_centre(model, f"femur_{side}", ((x, y, z)))
+        model = placement.with_centre(model, f"femur_{side}", to_vector(rotation.T @ (centre - position)))
     tilts: dict[str, parameters.Tilt] = {}
     for side, axis in joints.knees.items():
         joint = model.segment(f"tibia_{side}").joint_name

@@ -32,7 +32,6 @@ from scaling_service.model.anatomy.lengths import find_segment, measure_segment_
 from scaling_service.model.people import read_people
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 _STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
@@ -64,16 +63,11 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     femur = Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = parameters.tilt_of(direction if direction[2] > 0.0 else -direction)
-    below = _to_vector(femur.to_local(knee)[0])
+    below = body.to_vector(femur.to_local(knee)[0])
     if f"ankle_{side}" not in evidence.centres:
         return _Leg(femur=femur, tibia=None, knee=below, ankle=None, tilt=tilt)
     ankle = np.array(evidence.centres[f"ankle_{side}"])
-    tibia = _carry_shank(femur, knee, ankle, tilt)
-    return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
-
-
-def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt) -> Frames:
-    """The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle."""
+    # The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle
     turned = parameters.tilt_rotation(tilt)
     shank = turned.T @ femur.rotation[0].T @ (ankle - knee)  # in the hinge's frame, about its z
     straight = turned.T @ np.array([0.0, -1.0, 0.0])
@@ -86,7 +80,10 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt
             remedy="Check that femur and tibia are of one side and in one image frame",
         )
     hinge = turned @ rotate_about((0.0, 0.0, 1.0), angle) @ turned.T
-    return Frames((femur.rotation[0] @ hinge)[None], knee[None])
+    tibia = Frames((femur.rotation[0] @ hinge)[None], knee[None])
+    return _Leg(
+        femur=femur, tibia=tibia, knee=below, ankle=body.to_vector(tibia.to_local(ankle)[0]), tilt=tilt
+    )
 
 
 def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:
@@ -255,11 +252,6 @@ def _list_notes(
     return notes
 
 
-def _to_vector(values: Array) -> body.Vector:
-    x, y, z = (float(v) for v in values)
-    return (x, y, z)
-
-
 def _scale(
     session: Session, settings: CalibrationSettings, start: results.Calibration, evidence: trial.ImageEvidence
 ) -> results.Calibration:
@@ -280,7 +272,7 @@ def _scale(
         model = scale_model(model, {"pelvis": pelvis.factors})
         for thigh, at in ((f"femur_{side}", at) for side, at in pelvis.hips.items()):
             if thigh in model.segment_names:
-                model = placement.with_centre(model, thigh, _to_vector(pelvis.image.to_local(at)[0]))
+                model = placement.with_centre(model, thigh, body.to_vector(pelvis.image.to_local(at)[0]))
     tilts: dict[str, parameters.Tilt] = (
         dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     )
@@ -297,7 +289,7 @@ def _scale(
         tilts[joint] = (-x, -y)
         model = placement.with_axis(model, joint, tilts[joint])
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
-    placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
+    placed = {n: body.to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
     # Markers that the model does not have yet are placed from their segment alone.
     new = [name for name in placed if name not in model.marker_names]
     added = [body.Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]

@@ -80,7 +80,12 @@ class Freedom:
         bounds = (math.radians(settings.axis_bound_x_deg), math.radians(settings.axis_bound_y_deg))
         for joint in find_tiltable_knees(model):
             model = parameters.free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
-        level = find_level_feet(model)
+        # The feet that turn in two ways or more against their shank, in one joint
+        level = frozenset(
+            s.name
+            for s in model.segments
+            if model.bone_of(s.name).startswith(_FEET) and sum(j.turns for j in s.joints) > 1
+        )
         for marker in model.markers:
             if marker.name in seen and marker.weight > 0.0:
                 axes = "xyz" if self.all_markers else select_coordinates(marker.name)
@@ -99,15 +104,6 @@ def select_coordinates(marker: str) -> str:
     if landmark is None:
         return OTHER_COORDINATES
     return SELECTED_COORDINATES.get(landmark[1:], OTHER_COORDINATES)
-
-
-def find_level_feet(model: body.BodyModel) -> frozenset[str]:
-    """The feet that turn in two ways or more against their shank, in one joint."""
-    return frozenset(
-        s.name
-        for s in model.segments
-        if model.bone_of(s.name).startswith(_FEET) and sum(j.turns for j in s.joints) > 1
-    )
 
 
 def find_tiltable_knees(model: body.BodyModel) -> tuple[str, ...]:

@@ -200,7 +200,6 @@ class _HipRelation:
     pelvis: str
     spines: Spines
     sides: tuple[str, ...]
-    sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
     expected: DimensionPrior  # of persons like this one, where the model has no ankle
     lengths: abc.Mapping[str, float]  # of the model's segments, m
     hips: abc.Mapping[str, Array]  # side to the model's own, (3,) m
@@ -278,7 +277,6 @@ def expect_hips(
             pelvis=pelvis,
             spines=spines,
             sides=sides,
-            sizes=sizes,
             expected=expected,
             lengths=anatomy_lengths.measure_segment_lengths(model),
             hips={side: anatomy_lengths.find_joint_ends(model, "hip", side)[pelvis] for side in sides},
@@ -325,7 +323,20 @@ def expect_places(
                 and marker.segment not in imaged.segments
             }
             if ends:
-                _expect_opposite(prior, row, ends, f"{row.width}_{side.lower()}", people, expected)
+                # Landmarks at both ends of a joint, or at one: their distance is the person's, not the
+                # model's
+                width = f"{row.width}_{side.lower()}"
+                signs = np.array([(1.0, -1.0)[k] for k in ends])
+                mean = np.zeros((len(ends), 3))
+                shared = np.array(row.sd)
+                if width in expected.names:
+                    half, shared[2] = expected.value(width) / 2.0 + MARKER_RADIUS_M, expected.sd(width) / 2.0
+                    across = np.array([marker.nominal[2] for marker in ends.values()])
+                    mean[:, 2] = np.copysign(half, across) - across
+                palpated = np.diag(np.square([people.place_sd(row.ends[k]) for k in ends]).ravel())
+                apart = np.kron(np.outer(signs, signs), np.diag(shared**2))
+                names = [name for marker in ends.values() for name in _list_shifts(marker)]
+                prior.add_values(names, mean.ravel(), palpated + apart)
                 done |= {m.name for m in ends.values()}
     # A landmark's name without its side, as the tables have it; SACR and C7 have none.
     places = {m.name: people.place_sd(name[1:] if name[0] in "RL" else name) for name, m in landmarks.items()}
@@ -334,28 +345,6 @@ def expect_places(
         if marker.name not in done:
             sd = places.get(marker.name, (_UNKNOWN_M,) * 3)
             prior.add_values(list(_list_shifts(marker)), np.zeros(3), np.diag(np.square(sd)))
-
-
-def _expect_opposite(
-    prior: GaussianPrior,
-    row: population.Opposite,
-    ends: abc.Mapping[int, body.Marker],
-    width: str,
-    people: population.People,
-    expected: DimensionPrior,
-) -> None:
-    """Landmarks at both ends of a joint, or at one: their distance is the person's, not the model's."""
-    signs = np.array([(1.0, -1.0)[k] for k in ends])
-    mean = np.zeros((len(ends), 3))
-    shared = np.array(row.sd)
-    if width in expected.names:
-        half, shared[2] = expected.value(width) / 2.0 + MARKER_RADIUS_M, expected.sd(width) / 2.0
-        across = np.array([marker.nominal[2] for marker in ends.values()])
-        mean[:, 2] = np.copysign(half, across) - across
-    palpated = np.diag(np.square([people.place_sd(row.ends[k]) for k in ends]).ravel())
-    apart = np.kron(np.outer(signs, signs), np.diag(shared**2))
-    names = [name for marker in ends.values() for name in _list_shifts(marker)]
-    prior.add_values(names, mean.ravel(), palpated + apart)
 
 
 def _list_shifts(marker: body.Marker) -> abc.Iterator[str]:

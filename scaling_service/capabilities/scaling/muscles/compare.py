@@ -230,12 +230,7 @@ def write_courses(folder: Path, courses: abc.Mapping[str, MuscleCourses]) -> Non
         }
         for what, columns in tables.items():
             if columns:
-                sto.write_sto(
-                    folder / f"{trial}_{what}.sto",
-                    sto.Table(
-                        name=(f"{trial} {what}"),
-                        columns=("time", *columns),
-                        data=np.column_stack([own.times, *columns.values()]),
-                        in_degrees=False,
-                    ),
-                )
+                data = np.column_stack([own.times, *columns.values()])
+                name, heads = f"{trial} {what}", ("time", *columns)
+                table = sto.Table(name=name, columns=heads, data=data, in_degrees=False)
+                sto.write_sto(folder / f"{trial}_{what}.sto", table)

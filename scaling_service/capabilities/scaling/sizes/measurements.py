@@ -27,9 +27,6 @@ from scaling_service.model.body import Vector
 Pair = tuple[tuple[str, ...], tuple[str, ...]]
 """The two ends of a distance, each the mean of some points."""
 
-_PUCHAUD = "Puchaud 2019, section 2.2.2"
-_CHOSEN = "chosen: the landmarks at the segment's ends"
-
 _PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.012, 0.020, 0.007
 """m, chosen from the spreads that are left at one size: inter-ASIS width 4.5 % and pelvic depth 8 % against
 2.5 % of the distance between the hips; trunk 5 %, a limb's ends over skin against its joints' centres 3 %."""
@@ -59,6 +56,9 @@ _ASIS, _PSIS = ("RASIS", "LASIS"), ("RPSIS", "LPSIS")
 class SegmentMeasurement:
     """Distances of one kind of segment.
 
+    Of pelvis, thighs and shanks as in Puchaud 2019, section 2.2.2; of others between the landmarks at their
+    ends (chosen).
+
     ``segments``: segments that take this factor, those that the model has.
     ``pairs``: each point is a tuple of landmarks whose mean is meant.
     ``shape_m``: standard deviation of such a distance between persons in whom the segment has one size, in
@@ -69,7 +69,6 @@ class SegmentMeasurement:
 
     segments: tuple[str, ...]
     pairs: tuple[Pair, ...]
-    source: str
     shape_m: float = 0.0
     instead: tuple[Pair, ...] = ()
     besides: tuple[Pair, ...] = ()
@@ -83,34 +82,28 @@ def _list_side(side: str) -> tuple[SegmentMeasurement, ...]:
     lateral, heel = (f"{s}ELB",), (f"{s}HEE",)
     foot, forearm = ("talus", "calcn", "toes", "foot"), ("ulna", "radius", "hand")
     return (
-        SegmentMeasurement(
-            segments=(f"femur_{side}", f"patella_{side}"), pairs=((hip, knee),), source=_PUCHAUD
-        ),
+        SegmentMeasurement(segments=(f"femur_{side}", f"patella_{side}"), pairs=((hip, knee),)),
         SegmentMeasurement(
             segments=(f"tibia_{side}",),
             pairs=((knee, between),),
-            source=_PUCHAUD,
             instead=((knee, lateral_ankle),),
             besides=((knee, lateral_ankle),),
         ),
         SegmentMeasurement(
             segments=tuple(f"{name}_{side}" for name in foot),
             pairs=((heel, (f"{s}MT5",)), (heel, (f"{s}MT1",))),
-            source=_CHOSEN,
             shape_m=_LIMB_SHAPE,
             instead=((heel, (f"{s}TOE",)),),
         ),
         SegmentMeasurement(
             segments=(f"humerus_{side}",),
             pairs=((shoulder, elbow),),
-            source=_CHOSEN,
             shape_m=_LIMB_SHAPE,
             instead=((shoulder, lateral),),
         ),
         SegmentMeasurement(
             segments=tuple(f"{name}_{side}" for name in forearm),
             pairs=((elbow, wrist),),
-            source=_CHOSEN,
             shape_m=_LIMB_SHAPE,
             instead=((lateral, wrist),),
         ),
@@ -127,7 +120,6 @@ def list_measurements(segments: abc.Sequence[str]) -> tuple[SegmentMeasurement, 
             (("RASIS",), ("RPSIS",)),
             (("LASIS",), ("LPSIS",)),
         ),
-        source=_PUCHAUD,
         shape_m=_PELVIS_SHAPE,
         instead=((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
     )
@@ -136,7 +128,6 @@ def list_measurements(segments: abc.Sequence[str]) -> tuple[SegmentMeasurement, 
     trunk = SegmentMeasurement(
         segments=_TRUNK,
         pairs=(_HEIGHT,) if jointed else (_BREADTH, _HEIGHT),
-        source=_CHOSEN,
         shape_m=_TRUNK_HEIGHT_SHAPE if jointed else _TRUNK_SHAPE,
         instead=(_HEIGHT_FROM_SACRUM,) if jointed else (_BREADTH, _HEIGHT_FROM_SACRUM),
     )
@@ -197,14 +188,10 @@ def open_axes(
         return next((value for p in people if (value := measure(p, ours)) is not None), None)
 
     if "pelvis" in factors:
-        across = SegmentMeasurement(
-            segments=("pelvis",),
-            pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
-            source="side to side, as Puchaud 2019, 2.2.2",
-        )
-        ahead = SegmentMeasurement(
-            segments=("pelvis",), pairs=((_ASIS, _PSIS),), source="chosen: Harrington 2007's pelvic depth"
-        )
+        # Side to side as Puchaud 2019, 2.2.2; Harrington 2007's pelvic depth (chosen)
+        sides = (((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],)))
+        across = SegmentMeasurement(segments=("pelvis",), pairs=sides)
+        ahead = SegmentMeasurement(segments=("pelvis",), pairs=((_ASIS, _PSIS),))
         found = {
             "depth": measure_first(partial(compute_ratio, ahead)),
             "width": measure_first(partial(compute_ratio, across)),
@@ -219,9 +206,7 @@ def open_axes(
         for segment, ends in ((f"femur_{side}", ("LFE", "MFE")), (f"tibia_{side}", ("LM", "MM"))):
             if segment in factors:
                 lateral, medial = (f"{side.upper()}{name}" for name in ends)
-                across = SegmentMeasurement(
-                    segments=(segment,), pairs=(((lateral,), (medial,)),), source="breadth"
-                )
+                across = SegmentMeasurement(segments=(segment,), pairs=(((lateral,), (medial,)),))
                 length, breadth = factors[segment][1], measure_first(partial(compute_ratio, across))
                 if breadth is None:
                     notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")

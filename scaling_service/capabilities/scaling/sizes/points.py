@@ -116,7 +116,10 @@ def find_person_points(
     landmarks = without_raised_shoulders(read_landmarks(trial, places))
     if standing:
         sizes = sizes.with_leg_lengths(measure_standing_legs(landmarks))
-    hips = {} if joints is None else {f"hip_{side}": joints.hip_in(trial, side) for side in joints.hips}
+    hips: dict[str, Array] = {}
+    if joints is not None:  # hip centres carried by the pelvis' markers through the trial
+        pelvis = joints.posture.cluster("pelvis").poses(trial)
+        hips = {f"hip_{side}": pelvis.place(hip) for side, hip in joints.hips.items()}
     centres = anatomy_centres.construct_centres(landmarks, sizes, regression, hips=hips)
     return PersonPoints(
         landmarks=landmarks,
@@ -263,10 +266,8 @@ def with_sacrum(model: body.BodyModel, trials: abc.Iterable[Trial]) -> body.Body
     ):
         return model
     right, left = marked["RPSIS"], marked["LPSIS"]
-    x, y, z = np.add(right.nominal, left.nominal) / 2.0
-    new = body.Marker.at(
-        sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight
-    )
+    between = body.to_vector(np.add(right.nominal, left.nominal) / 2.0)
+    new = body.Marker.at(sorted(labels)[0], right.segment, between, weight=right.weight)
     return model.with_markers((*model.markers, new))
 
 

@@ -342,9 +342,9 @@ def _list_centres(people: abc.Sequence[points.PersonPoints]) -> dict[str, result
     found: dict[str, results.EstimatedCentre] = {}
     for person in people:
         if not found.keys() >= person.centres.keys():
-            for name, (x, y, z) in sizes_ratios.estimate_centre_sds(person).items():
-                sds = (float(x), float(y), float(z))
-                found.setdefault(name, results.EstimatedCentre(person.centres[name].source, sds))
+            for name, sds in sizes_ratios.estimate_centre_sds(person).items():
+                centre = results.EstimatedCentre(person.centres[name].source, body.to_vector(sds))
+                found.setdefault(name, centre)
     return found
 
 

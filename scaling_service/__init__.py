@@ -6,82 +6,8 @@ worker processes of single modules stay light.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING
+from scaling_service.core.lazy import offer_names
 
-if TYPE_CHECKING:
-    from scaling_service.capabilities.cohort.run import batch as batch
-    from scaling_service.capabilities.discovery.options import DiscoverSettings as DiscoverSettings
-    from scaling_service.capabilities.discovery.run import discover as discover
-    from scaling_service.capabilities.discovery.saving import save_discovery as save_discovery
-    from scaling_service.capabilities.dynamics.inertia.identification import (
-        identify_inertia as identify_inertia,
-    )
-    from scaling_service.capabilities.dynamics.run import dynamics as dynamics
-    from scaling_service.capabilities.dynamics.saving import save_dynamics as save_dynamics
-    from scaling_service.capabilities.dynamics.settings import DynamicsSettings as DynamicsSettings
-    from scaling_service.capabilities.intake.run import prove_folder as prove_folder
-    from scaling_service.capabilities.motion.inverse_kinematics import (
-        inverse_kinematics as inverse_kinematics,
-    )
-    from scaling_service.capabilities.motion.kinematic_error import kinematic_error as kinematic_error
-    from scaling_service.capabilities.motion.options import MotionOptions as MotionOptions
-    from scaling_service.capabilities.motion.result import Tracked as Tracked
-    from scaling_service.capabilities.motion.run import ik as ik
-    from scaling_service.capabilities.motion.saving import save_motions as save_motions
-    from scaling_service.capabilities.scaling.result import Results as Results
-    from scaling_service.capabilities.scaling.result import Scaling as Scaling
-    from scaling_service.capabilities.scaling.run import compare as compare
-    from scaling_service.capabilities.scaling.run import scale as scale
-    from scaling_service.capabilities.scaling.saving import save as save
-    from scaling_service.capabilities.shared.settings import CalibrationSettings as CalibrationSettings
-    from scaling_service.capabilities.shared.settings import Settings as Settings
-    from scaling_service.capabilities.subject.loading import read_model as read_model
-    from scaling_service.capabilities.subject.reading import load_subject as load_subject
-    from scaling_service.core.errors import InputError as InputError
-    from scaling_service.files.recording import read_recording as read_recording
-    from scaling_service.model.subject import Subject as Subject
-    from scaling_service.recording.settings import ProcessingSettings as ProcessingSettings
-
-HOMES = {  # public name: its module, under this package
-    "CalibrationSettings": "capabilities.shared.settings",
-    "DiscoverSettings": "capabilities.discovery.options",
-    "DynamicsSettings": "capabilities.dynamics.settings",
-    "InputError": "core.errors",
-    "MotionOptions": "capabilities.motion.options",
-    "ProcessingSettings": "recording.settings",
-    "Results": "capabilities.scaling.result",
-    "Scaling": "capabilities.scaling.result",
-    "Settings": "capabilities.shared.settings",
-    "Subject": "model.subject",
-    "Tracked": "capabilities.motion.result",
-    "batch": "capabilities.cohort.run",
-    "compare": "capabilities.scaling.run",
-    "discover": "capabilities.discovery.run",
-    "dynamics": "capabilities.dynamics.run",
-    "identify_inertia": "capabilities.dynamics.inertia.identification",
-    "ik": "capabilities.motion.run",
-    "inverse_kinematics": "capabilities.motion.inverse_kinematics",
-    "kinematic_error": "capabilities.motion.kinematic_error",
-    "load_subject": "capabilities.subject.reading",
-    "prove_folder": "capabilities.intake.run",
-    "read_model": "capabilities.subject.loading",
-    "read_recording": "files.recording",
-    "save": "capabilities.scaling.saving",
-    "save_discovery": "capabilities.discovery.saving",
-    "save_dynamics": "capabilities.dynamics.saving",
-    "save_motions": "capabilities.motion.saving",
-    "scale": "capabilities.scaling.run",
-}
+HOMES, __getattr__, __dir__ = offer_names(__name__, __file__)
 
 __all__ = list(HOMES)
-
-
-def __getattr__(name: str) -> object:
-    if name not in HOMES:
-        raise AttributeError(f"module 'scaling_service' has no attribute '{name}'")
-    return getattr(import_module(f"scaling_service.{HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])

@@ -34,7 +34,7 @@ MODULES = [
 SEARCH = [f"scaling_service.capabilities.discovery.{name}" for name in ("run", "saving")]
 """Their examples search for what is missing, which takes long."""
 
-PUBLIC = {f"scaling_service.{home}" for home in scaling_service.HOMES.values()}
+PUBLIC = set(scaling_service.HOMES.values())
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import os
+import typing
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+P = typing.ParamSpec("P")
+T = typing.TypeVar("T")
+Place = typing.TypeVar("Place", bound="str | os.PathLike[str]")
 
 
 class InputError(Exception):
@@ -60,6 +67,20 @@ def _rebuild(
     error = kind.__new__(kind)
     InputError.__init__(error, problem, file=file, field=field, remedy=remedy)
     return error
+
+
+def name_file(read: Callable[typing.Concatenate[Place, P], T]) -> Callable[typing.Concatenate[Place, P], T]:
+    """A reader of a file, its first argument, whose errors name that file where they name none."""
+
+    @functools.wraps(read)
+    def reading(path: Place, /, *args: P.args, **options: P.kwargs) -> T:
+        try:
+            return read(path, *args, **options)
+        except InputError as error:
+            error.file = error.file or str(path)
+            raise
+
+    return reading
 
 
 class FileUnreadable(InputError):

@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from pydantic import ConfigDict, Field
 
+from scaling_service.core.errors import InputError
 from scaling_service.documents.base import Part
 
 
@@ -44,6 +45,4 @@ class Failure(Part):
     remedy: str | None = Field(default=None, description="What to do about it.")
 
     def __str__(self) -> str:
-        where = ", ".join(part for part in (self.file, self.field) if part)
-        text = f"{where}: {self.problem}" if where else self.problem
-        return f"{text}. {self.remedy}" if self.remedy else text
+        return str(InputError(self.problem, file=self.file, field=self.field, remedy=self.remedy))

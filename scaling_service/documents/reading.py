@@ -11,7 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from scaling_service.core.errors import FileUnreadable, SubjectInvalid
+from scaling_service.core.errors import FileUnreadable, SubjectInvalid, name_file
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.subject import SubjectDocument
 
@@ -34,6 +34,7 @@ _WANTED = {
 """Kind of a validation error to what is wanted there and the remedy."""
 
 
+@name_file
 def read_document(path: str | Path) -> SubjectDocument:
     """Read and check a subject document.
 
@@ -41,15 +42,15 @@ def read_document(path: str | Path) -> SubjectDocument:
     FileUnreadable: it is absent, empty, too large or no text. Raises SubjectInvalid: it does not follow the
     contract.
     """
-    file = Path(path)
-    return check_document(read_content(file), file=file)
+    return check_document(read_content(path))
 
 
+@name_file
 def read_content(path: str | Path) -> object:
     """What YAML or JSON gives, not checked against any contract; raises as :func:`read_document` does."""
     file = Path(path)
     text = read_text(file)
-    return _parse_json(text, file) if file.suffix.lower() == ".json" else _parse_yaml(text, file)
+    return _parse_json(text) if file.suffix.lower() == ".json" else _parse_yaml(text)
 
 
 def check_document(content: object, *, file: str | Path | None = None) -> SubjectDocument:
@@ -85,21 +86,22 @@ def check_document(content: object, *, file: str | Path | None = None) -> Subjec
         raise SubjectInvalid(problem, file=file, field=field, remedy=remedy) from None
 
 
+@name_file
 def read_text(file: Path, kind: str = "a subject file") -> str:
     """The text of a file that people write; FileUnreadable if it is absent, too large or no text."""
     try:
         content = file.read_bytes() if file.stat().st_size <= MAX_BYTES else None
     except FileNotFoundError:
-        raise FileUnreadable("there is no such file", file=file, remedy="Check the path") from None
+        raise FileUnreadable("there is no such file", remedy="Check the path") from None
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise FileUnreadable(f"it cannot be read: {reason}", file=file, remedy="Check the path") from None
+        raise FileUnreadable(f"it cannot be read: {reason}", remedy="Check the path") from None
     if content is None:
-        raise FileUnreadable(f"it is too large for {kind}", file=file, remedy="Check the path")
+        raise FileUnreadable(f"it is too large for {kind}", remedy="Check the path")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise FileUnreadable("it is not UTF-8 text", file=file, remedy="Save it as UTF-8 text") from None
+        raise FileUnreadable("it is not UTF-8 text", remedy="Save it as UTF-8 text") from None
 
 
 class _UniqueKeys(yaml.SafeLoader):
@@ -117,32 +119,29 @@ class _UniqueKeys(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
-def _parse_yaml(text: str, file: Path) -> object:
+def _parse_yaml(text: str) -> object:
     try:
         return yaml.load(text, Loader=_UniqueKeys)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         raise SubjectInvalid(
             f"it is not valid YAML: {error.problem}",
-            file=file,
             field=f"line {mark.line + 1}, column {mark.column + 1}" if mark else None,
             remedy="Correct that line; indent with spaces and put texts with special characters in quotes",
         ) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         first = str(error).splitlines()[0]
         raise SubjectInvalid(
-            f"it is not valid YAML: {first}", file=file, field="(whole file)", remedy="Save it as UTF-8 text"
+            f"it is not valid YAML: {first}", field="(whole file)", remedy="Save it as UTF-8 text"
         ) from None
 
 
-def _parse_json(text: str, file: Path) -> object:
+def _parse_json(text: str) -> object:
     def unique(pairs: abc.Sequence[tuple[str, Any]]) -> dict[str, Any]:
         keys = [key for key, _ in pairs]
         for key in keys:
             if keys.count(key) > 1:
-                raise SubjectInvalid(
-                    "the key is given twice", file=file, field=key, remedy="Remove one of them"
-                )
+                raise SubjectInvalid("the key is given twice", field=key, remedy="Remove one of them")
         return dict(pairs)
 
     try:
@@ -150,13 +149,12 @@ def _parse_json(text: str, file: Path) -> object:
     except json.JSONDecodeError as error:
         raise SubjectInvalid(
             f"it is not valid JSON: {error.msg}",
-            file=file,
             field=f"line {error.lineno}, column {error.colno}",
             remedy="Correct that line",
         ) from None
     except RecursionError:
         raise SubjectInvalid(
-            "it is nested too deeply", file=file, field="(whole file)", remedy="Check the path"
+            "it is nested too deeply", field="(whole file)", remedy="Check the path"
         ) from None
 
 

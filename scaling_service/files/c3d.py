@@ -70,6 +70,7 @@ _NAMES = {
 _HEIGHTS, _MASSES = ("height", "bodyheight"), ("bodymass", "mass", "weight", "bodyweight")
 
 
+@errors.name_file
 def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
     """Read the markers, segment poses, force plates and measured sizes of a C3D file.
 
@@ -87,13 +88,13 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
     kept = [k for k in others if content.labels[k] and not trial.is_unlabelled(content.labels[k])]
     if not kept and content.poses is None:
         raise errors.TrialUnusable(
-            "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
+            "the file holds no labelled marker", field="POINT", remedy="Export markers"
         )
     if not len(content.points):
-        raise c3d_parameters.report_no_frame(file)
+        raise c3d_parameters.report_no_frame()
     if not 0 < content.rate_hz < 1e6:
         raise errors.TrialUnusable(
-            "the frame rate is not stated", file=file, field="POINT:RATE", remedy="State it in Hz"
+            "the frame rate is not stated", field="POINT:RATE", remedy="State it in Hz"
         )
     repairs = []
     if results:
@@ -108,12 +109,12 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
         )
     unlabelled = [k for k in others if content.labels[k] and k not in kept]
     labels = tuple(content.labels[k] for k in kept)
-    scale, of_unit = _find_unit(content, file)
+    scale, of_unit = _find_unit(content)
     markers, lost = tables.clean_positions(content.points[:, kept] * scale, labels)
     descriptions = [content.descriptions[k] for k in kept] if content.descriptions else ()
     labels, twice = tables.separate_duplicates(labels, markers, descriptions)
     times = np.arange(len(markers)) / content.rate_hz
-    rotations, of_poses = _read_rotations(content, scale, file)
+    rotations, of_poses = _read_rotations(content, scale)
     nobodys = tuple(content.labels[k] for k in unlabelled)
     theirs, _ = tables.clean_positions(content.points[:, unlabelled] * scale, nobodys)
     try:
@@ -167,7 +168,7 @@ def _read_events(content: c3d_file.C3dFile) -> tuple[trial.GaitEvent, ...]:
 
 
 def _read_rotations(
-    content: c3d_file.C3dFile, scale: float, file: Path
+    content: c3d_file.C3dFile, scale: float
 ) -> tuple[trial.Rotations | None, tuple[trial.Repair, ...]]:
     """Segments' rotations and origins, m, where the file has any, and what was left out.
 
@@ -181,7 +182,6 @@ def _read_rotations(
     if len(labels) != matrices.shape[1] or len(set(labels)) < len(labels) or "" in labels:
         raise errors.TrialUnusable(
             f"{matrices.shape[1]} segment poses have {len(set(labels) - {''})} different labels",
-            file=file,
             field="ROTATION:LABELS",
             remedy="Export it again",
         )
@@ -192,10 +192,7 @@ def _read_rotations(
     seen = square & np.isfinite(origins).all(axis=2)
     if not seen.any():
         raise errors.TrialUnusable(
-            "no segment pose of the file holds a rotation",
-            file=file,
-            field="ROTATION",
-            remedy="Export it again",
+            "no segment pose of the file holds a rotation", field="ROTATION", remedy="Export it again"
         )
     notes = list(
         trial.repair_each(~seen, labels, "lost_pose", "no rotation there, which counts as not measured")
@@ -221,7 +218,7 @@ def _read_rotations(
     return trial.Rotations(labels=labels, matrices=whole, of="segments", origins=placed), tuple(notes)
 
 
-def _find_unit(content: c3d_file.C3dFile, file: str | Path) -> tuple[float, tuple[trial.Repair, ...]]:
+def _find_unit(content: c3d_file.C3dFile) -> tuple[float, tuple[trial.Repair, ...]]:
     """What one unit of length of the file is in m, and what had to be assumed."""
     unit = content.point_unit.lower()
     if unit in tables.METRES:
@@ -229,7 +226,6 @@ def _find_unit(content: c3d_file.C3dFile, file: str | Path) -> tuple[float, tupl
     if unit:
         raise errors.FileUnreadable(
             f"unit '{content.point_unit[:20]}' is not known",
-            file=file,
             field="POINT:UNITS",
             remedy="Give positions in mm or m",
         )
@@ -259,7 +255,7 @@ def read_c3d_plates(content: c3d_file.C3dFile) -> forces.PlateRecording:
             field="ANALOG",
             remedy="Export it with its analog signals",
         )
-    length, assumed = _find_unit(content, content.name)
+    length, assumed = _find_unit(content)
     repairs = list(assumed)
     plates = tuple(_Plate(content, k, repairs).read(length) for k in range(used))
     times = np.arange(len(content.analog)) / content.analog_rate_hz

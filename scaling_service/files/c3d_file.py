@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable
+from scaling_service.core.errors import FileUnreadable, name_file
 from scaling_service.files import c3d_layout, c3d_parameters
 from scaling_service.files.tables import read_bytes
 from scaling_service.model.trial import Repair
@@ -59,6 +59,7 @@ class C3dFile:
         return self.rate_hz * len(self.analog) / frames if frames and len(self.analog) else float("nan")
 
 
+@name_file
 def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
     """Read everything that a C3D file holds, without judging it.
 
@@ -69,11 +70,9 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
     content = read_bytes(file, _KIND)
     # The second byte of every C3D file is 80 (C3D user guide, "Header section"); a header has 512 bytes.
     if len(content) < c3d_parameters.BLOCK or content[1] != 0x50:
-        raise FileUnreadable(
-            "this is not a C3D file, or it is cut off", file=file, remedy="Export it again as C3D"
-        )
-    facts = c3d_parameters.read_facts(content, file)
-    poses = _read_poses(content, facts, file)
+        raise FileUnreadable("this is not a C3D file, or it is cut off", remedy="Export it again as C3D")
+    facts = c3d_parameters.read_facts(content)
+    poses = _read_poses(content, facts)
     of_layout: tuple[Repair, ...] = ()
     of_rate: tuple[Repair, ...] = ()
     if poses is not None and not (facts.points or facts.analogs):
@@ -86,9 +85,9 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
         )
         rate = rate if np.isfinite(rate) else facts.rate
     else:
-        layout, of_layout = c3d_layout.find_layout(facts, len(content), file)
-        rate, of_rate = c3d_layout.find_rate(facts, layout, file)
-        points, analog = _decode(content, facts, layout, file)
+        layout, of_layout = c3d_layout.find_layout(facts, len(content))
+        rate, of_rate = c3d_layout.find_rate(facts, layout)
+        points, analog = _decode(content, facts, layout)
     about = facts.parameters.get("POINT", {})
 
     def list_texts(name: str) -> tuple[str, ...]:
@@ -118,7 +117,7 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
     )
 
 
-def _read_poses(content: bytes, facts: c3d_parameters.Facts, file: Path) -> Array | None:
+def _read_poses(content: bytes, facts: c3d_parameters.Facts) -> Array | None:
     """The numbers of the group ROTATION (Has-Motion, C3D documentation, "ROTATION data type")."""
     if "ROTATION" not in facts.parameters:
         return None
@@ -133,7 +132,6 @@ def _read_poses(content: bytes, facts: c3d_parameters.Facts, file: Path) -> Arra
     if frames < 1 or held < frames:
         raise FileUnreadable(
             f"the file is cut off: {frames} frames of {count} segment poses are stated, it holds {held}",
-            file=file,
             field="ROTATION:DATA_START",
             remedy="Copy or export it again",
         )
@@ -141,9 +139,7 @@ def _read_poses(content: bytes, facts: c3d_parameters.Facts, file: Path) -> Arra
     return numbers.reshape(frames, count, _POSE)[:: ratio if facts.points else 1]
 
 
-def _decode(
-    content: bytes, facts: c3d_parameters.Facts, layout: c3d_layout.Layout, file: Path
-) -> tuple[Array, Array]:
+def _decode(content: bytes, facts: c3d_parameters.Facts, layout: c3d_layout.Layout) -> tuple[Array, Array]:
     """Points (n_frames, n_points, 3), NaN where not seen, and analog signals (n_samples, n_channels)."""
     at, count = c3d_parameters.BLOCK * (layout.start - 1), layout.frames * layout.words
     if layout.real:
@@ -152,21 +148,20 @@ def _decode(
         numbers = facts.processor.read_words(content, at, count, signed=True)
     table = numbers.reshape(layout.frames, layout.words)
     points = table[:, : 4 * layout.points].reshape(layout.frames, layout.points, 4).astype(float)
-    xyz = points[..., :3] if layout.real else points[..., :3] * _find_scale(facts, file)
+    xyz = points[..., :3] if layout.real else points[..., :3] * _find_scale(facts)
     seen = points[..., 3] >= 0  # the sign of the fourth number
     samples = layout.frames * layout.per_frame if layout.channels else 0
     analog = table[:, 4 * layout.points :].reshape(samples, layout.channels).astype(float)
     return np.where(seen[..., None], xyz, np.nan), _scale_analog(analog, facts)
 
 
-def _find_scale(facts: c3d_parameters.Facts, file: Path) -> float:
+def _find_scale(facts: c3d_parameters.Facts) -> float:
     """What one step of whole numbers is in units of length."""
     scales = [s for s in (facts.number("POINT", "SCALE"), facts.scale) if np.isfinite(s) and s > 0]
     if not scales or abs(scales[0] - scales[-1]) > c3d_layout.SAME * scales[0]:
         said = " and ".join(f"{s:g}" for s in scales) or "none"
         raise FileUnreadable(
             f"the scale of the points cannot be told: parameters and header state {said}",
-            file=file,
             field="POINT:SCALE",
             remedy="Export it again",
         )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 from collections import abc
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
@@ -116,7 +115,7 @@ def _say_form(scale: float) -> int | None:
     return int(scale < 0) if scale and np.isfinite(scale) else None
 
 
-def find_layout(facts: c3d_parameters.Facts, length: int, file: Path) -> tuple[Layout, tuple[Repair, ...]]:
+def find_layout(facts: c3d_parameters.Facts, length: int) -> tuple[Layout, tuple[Repair, ...]]:
     """The layout that most witnesses support and the file's length allows."""
     witnesses = _list_witnesses(facts)
     scored = []
@@ -129,7 +128,6 @@ def find_layout(facts: c3d_parameters.Facts, length: int, file: Path) -> tuple[L
         if not scored:
             raise FileUnreadable(
                 "the C3D file is damaged: nothing states what a frame holds",
-                file=file,
                 field="POINT:USED",
                 remedy="Copy or export it again",
             )
@@ -137,7 +135,6 @@ def find_layout(facts: c3d_parameters.Facts, length: int, file: Path) -> tuple[L
         held = _count_held(layout, length)
         raise FileUnreadable(
             f"the file is cut off: {layout.frames} frames are stated, and it ends after {held}",
-            file=file,
             field="POINT:FRAMES",
             remedy="Copy or export it again",
         )
@@ -148,14 +145,13 @@ def find_layout(facts: c3d_parameters.Facts, length: int, file: Path) -> tuple[L
         w for w in witnesses if not (w.supports(best[2]) or w.where in ("POINT:LABELS", "ANALOG:RATE"))
     ]
     if not best[2].frames:
-        raise c3d_parameters.report_no_frame(file)
+        raise c3d_parameters.report_no_frame()
     if others and others[0][:2] == best[:2]:
         rivals = {w.of for w in witnesses if w.supports(best[2]) != w.supports(others[0][2])}
         told = {f"{w.where} ({w.value})": w.where for w in witnesses if w.of in rivals}
         raise FileUnreadable(
             "the C3D file contradicts itself and its length does not decide: "
             + (", ".join(told) or "its frames may begin in several places"),
-            file=file,
             field=next(iter(told.values()), "header"),
             remedy="Export it again",
         )
@@ -211,7 +207,7 @@ def _list_layouts(witnesses: abc.Sequence[_Witness], length: int) -> abc.Iterabl
 # --- rates ---
 
 
-def find_rate(facts: c3d_parameters.Facts, layout: Layout, file: Path) -> tuple[float, tuple[Repair, ...]]:
+def find_rate(facts: c3d_parameters.Facts, layout: Layout) -> tuple[float, tuple[Repair, ...]]:
     """The rate of frames that most statements support, and what disagrees with it."""
     analog = facts.number("ANALOG", "RATE")
     stated = {
@@ -239,7 +235,6 @@ def find_rate(facts: c3d_parameters.Facts, layout: Layout, file: Path) -> tuple[
         raise FileUnreadable(
             "the C3D file states different frame rates: "
             + ", ".join(f"{where} {usable[where]:g} Hz" for where in usable),
-            file=file,
             field="POINT:RATE",
             remedy="Correct the rate in the recording software and export again",
         )

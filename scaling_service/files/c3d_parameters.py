@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import struct
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -82,13 +81,12 @@ class Facts:
         return int(value) + (65536 if value < 0 else 0)
 
 
-def read_facts(content: bytes, file: Path) -> Facts:
+def read_facts(content: bytes) -> Facts:
     """Header and parameters as the processor wrote them under whose reading they make sense."""
     begin = BLOCK * (content[0] - 1)
     if not 0 < begin <= len(content) - 4:
         raise errors.FileUnreadable(
             "the C3D file is damaged: its header does not lead to its parameters",
-            file=file,
             field="header word 1",
             remedy="Copy or export it again",
         )
@@ -120,7 +118,6 @@ def read_facts(content: bytes, file: Path) -> Facts:
     else:
         raise errors.FileUnreadable(
             "the C3D file is damaged: no parameters POINT with a frame rate can be read",
-            file=file,
             field="POINT:RATE",
             remedy="Copy or export it again",
         )
@@ -243,8 +240,8 @@ def take_first_value(value: Any) -> Any:
     return value
 
 
-def report_no_frame(file: Path) -> errors.TrialUnusable:
+def report_no_frame() -> errors.TrialUnusable:
     """What is said of a file with labels and no frame."""
     return errors.TrialUnusable(
-        "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"
+        "the file holds no frame", field="POINT:FRAMES", remedy="Record or export it again"
     )

@@ -51,6 +51,7 @@ class _Layout:
     unit: str = ""  # as stated
 
 
+@errors.name_file
 def read_delimited(path: str | os.PathLike[str]) -> Recording:
     """Read a CSV or TSV file of markers.
 
@@ -70,13 +71,12 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
         rows = [[re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", cell) for cell in row] for row in rows]
     # The first layout that fits counts.
     for find in (_find_motive, _find_vicon, _find_qualisys, _find_deeplabcut, _find_wide):
-        layout = find(rows, file)
+        layout = find(rows)
         if layout is not None:
             break
     if layout is None or not layout.columns:
         raise errors.FileUnreadable(
             "this is no table of markers",
-            file=file,
             field=FIELD,
             remedy="Export C3D or TRC, or one column for each axis: time, LASI_x, LASI_y, LASI_z, …",
         )
@@ -86,33 +86,32 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
         if k >= layout.first_row and any(cell for cell in row)
     ]
     if not body:
-        raise errors.TrialUnusable("the table has a header but no frame", file=file, remedy="Export it again")
+        raise errors.TrialUnusable("the table has a header but no frame", remedy="Export it again")
     keys = [key for key in layout.columns if not trial.is_unlabelled(layout.labels[key])]
     if not keys:
         raise errors.TrialUnusable(
-            "the table holds no labelled marker", file=file, field=FIELD, remedy="Export labelled markers"
+            "the table holds no labelled marker", field=FIELD, remedy="Export labelled markers"
         )
     columns = [column for key in keys for column in layout.columns[key]]
-    positions = _read_numbers(body, columns, file).reshape(len(body), -1, 3)
+    positions = _read_numbers(body, columns).reshape(len(body), -1, 3)
     labels = tuple(layout.labels[key] for key in keys)
     notes: list[trial.Repair] = []
     if dropped := len(layout.columns) - len(keys):
         detail = f"{dropped} markers without a label were left out"
         notes.append(trial.Repair(what="unlabelled", where="columns", detail=detail))
-    metres, of_unit = _find_unit(layout.unit, positions, file)
+    metres, of_unit = _find_unit(layout.unit, positions)
     if layout.time is not None:
-        times = _read_numbers(body, [layout.time], file)[:, 0] / layout.per_second
+        times = _read_numbers(body, [layout.time])[:, 0] / layout.per_second
     elif np.isfinite(layout.rate_hz):
         times = np.arange(len(body)) / layout.rate_hz
     else:
         raise errors.TrialUnusable(
             "the table states neither times nor a frame rate",
-            file=file,
             field="time",
             remedy="Add a column 'time' with the time of each row in seconds",
         )
-    tables.check_times(times, file, [number for number, _ in body])
-    times, positions, rate, clock = restore_clock(times, positions * metres, layout.rate_hz, file)
+    tables.check_times(times, [number for number, _ in body])
+    times, positions, rate, clock = restore_clock(times, positions * metres, layout.rate_hz)
     positions, lost = tables.clean_positions(positions, labels)
     labels, twice = tables.separate_duplicates(labels, positions)
     return Recording(
@@ -126,7 +125,7 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
     )
 
 
-def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int], file: Path) -> Array:
+def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int]) -> Array:
     """Cells of some columns, (n_rows, n_columns); NaN where blank."""
     values = np.full((len(body), len(columns)), np.nan)
     for k, (number, row) in enumerate(body):
@@ -139,21 +138,20 @@ def _read_numbers(body: Sequence[tuple[int, Row]], columns: Sequence[int], file:
             except ValueError:
                 raise errors.FileUnreadable(
                     f"line {number} holds {cell[:20]!r} where a number is expected",
-                    file=file,
                     field=f"column {column + 1}",
                     remedy="Correct the cell, or leave it blank if the value is missing",
                 ) from None
     return values
 
 
-def _find_unit(unit: str, positions: Array, file: Path) -> tuple[float, tuple[trial.Repair, ...]]:
+def _find_unit(unit: str, positions: Array) -> tuple[float, tuple[trial.Repair, ...]]:
     """What a unit of length is in m; where none is stated, the one in which a person has a person's size."""
     plain = unit.strip().lower()
     if plain in tables.METRES:
         return tables.METRES[plain], ()
     if plain:
         raise errors.FileUnreadable(
-            f"unit '{unit[:20]}' is not known", file=file, field="unit", remedy="Export positions in mm or m"
+            f"unit '{unit[:20]}' is not known", field="unit", remedy="Export positions in mm or m"
         )
     seen = positions[np.isfinite(positions).all(-1).sum(1) >= 2]
     extent = 0.0
@@ -168,7 +166,6 @@ def _find_unit(unit: str, positions: Array, file: Path) -> tuple[float, tuple[tr
             )
     raise errors.FileUnreadable(
         f"no unit is stated, and in none do the markers span a person (they span {extent:.3g})",
-        file=file,
         field="unit",
         remedy="State it behind the name of a column, such as LASI_x (mm)",
     )
@@ -193,7 +190,7 @@ def _collect(named: Sequence[tuple[int, str, str, str]]) -> tuple[dict[str, list
     return whole, labels
 
 
-def _find_motive(rows: list[Row], file: Path) -> _Layout | None:
+def _find_motive(rows: list[Row]) -> _Layout | None:
     """Motive: a line of settings, lines of Type, Name, ID (and Parent), Position or Rotation, then axes."""
     if not rows or not rows[0] or rows[0][0].lower() != "format version":
         return None
@@ -201,7 +198,6 @@ def _find_motive(rows: list[Row], file: Path) -> _Layout | None:
     if stated.get("coordinate space", "global").lower() != "global":
         raise errors.FileUnreadable(
             "positions are relative to an asset, not to the laboratory",
-            file=file,
             field="Coordinate Space",
             remedy="Export in global coordinates",
         )
@@ -221,7 +217,6 @@ def _find_motive(rows: list[Row], file: Path) -> _Layout | None:
     if not columns:
         raise errors.TrialUnusable(
             "the table holds rigid bodies or bones and no measured marker",
-            file=file,
             field="Type",
             remedy="Export it with markers",
         )
@@ -236,7 +231,7 @@ def _find_motive(rows: list[Row], file: Path) -> _Layout | None:
     )
 
 
-def _find_vicon(rows: list[Row], _: Path) -> _Layout | None:
+def _find_vicon(rows: list[Row]) -> _Layout | None:
     """Vicon Nexus: sections parted by blank lines; Trajectories, rate, names, axes, units."""
     at = next((k for k, row in enumerate(rows) if row and row[0].lower() == "trajectories"), None)
     if at is None or at + 5 > len(rows):
@@ -260,14 +255,14 @@ def _find_vicon(rows: list[Row], _: Path) -> _Layout | None:
     )
 
 
-def _find_qualisys(rows: list[Row], file: Path) -> _Layout | None:
+def _find_qualisys(rows: list[Row]) -> _Layout | None:
     """Qualisys: lines of a key and its values, MARKER_NAMES among them; then rows, in mm."""
     keys = {row[0].upper(): (k, row[1:]) for k, row in enumerate(rows[:100]) if row and row[0]}
     if "NO_OF_FRAMES" not in keys or "MARKER_NAMES" not in keys:
         return None
     if keys.get("DATA_INCLUDED", (0, ["3D"]))[1][:1] not in ([], ["3D"]):
         raise errors.TrialUnusable(
-            "the table holds 2-D data", file=file, field="DATA_INCLUDED", remedy="Export 3-D data"
+            "the table holds 2-D data", field="DATA_INCLUDED", remedy="Export 3-D data"
         )
     at, names = keys["MARKER_NAMES"]
     names = [name for name in names if name]
@@ -285,7 +280,7 @@ def _find_qualisys(rows: list[Row], file: Path) -> _Layout | None:
     )
 
 
-def _find_deeplabcut(rows: list[Row], file: Path) -> _Layout | None:
+def _find_deeplabcut(rows: list[Row]) -> _Layout | None:
     """DeepLabCut: lines that begin with scorer, individuals (where there are several), bodyparts, coords."""
     heads = {row[0].lower(): (k, row) for k, row in enumerate(rows[:6]) if row}
     if "bodyparts" not in heads or "coords" not in heads:
@@ -299,16 +294,13 @@ def _find_deeplabcut(rows: list[Row], file: Path) -> _Layout | None:
     columns, labels = _collect([entry for entry in named if entry[3].lower() in ("x", "y", "z")])
     if not columns:
         raise errors.TrialUnusable(
-            "the table holds 2-D points of a video",
-            file=file,
-            field="coords",
-            remedy="Triangulate them first",
+            "the table holds 2-D points of a video", field="coords", remedy="Triangulate them first"
         )
     times = [k for k, part in enumerate(parts) if k and _TIMES.match(part)]
     return _Layout(columns=columns, labels=labels, first_row=at + 1, time=times[0] if times else None)
 
 
-def _find_wide(rows: list[Row], _: Path) -> _Layout | None:
+def _find_wide(rows: list[Row]) -> _Layout | None:
     """One column per axis under names such as LASI_x, LASI X or LASI.x (mm)."""
     for at, row in enumerate(rows[:20]):
         matched = [(k, m) for k, cell in enumerate(row) if (m := _AXIS.match(cell)) and m[1]]

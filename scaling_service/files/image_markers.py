@@ -6,13 +6,14 @@ import csv
 import math
 from pathlib import Path
 
-from scaling_service.core.errors import FileUnreadable
+from scaling_service.core.errors import FileUnreadable, name_file
 from scaling_service.files.tables import read_text
 from scaling_service.model import body
 
 COLUMNS = ("marker", "segment", "x_mm", "y_mm", "z_mm")
 
 
+@name_file
 def read_image_markers(path: Path) -> dict[str, tuple[str, body.Vector]]:
     """Read markers with their segments, in the image's frame.
 
@@ -26,7 +27,6 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, body.Vector]]:
     if missing:
         raise FileUnreadable(
             f"there is no column '{missing[0]}'",
-            file=path,
             field=missing[0],
             remedy=f"The first line must be {','.join(COLUMNS)}",
         )
@@ -35,7 +35,7 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, body.Vector]]:
         name = (row["marker"] or "").strip()
         if not name or name in found:
             problem = "the marker has no name" if not name else f"marker '{name}' stands twice"
-            raise FileUnreadable(problem, file=path, field=f"line {number}", remedy="Correct the table")
+            raise FileUnreadable(problem, field=f"line {number}", remedy="Correct the table")
         at = []
         for column in COLUMNS[2:]:
             try:
@@ -45,7 +45,6 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, body.Vector]]:
             if not math.isfinite(at[-1]):
                 raise FileUnreadable(
                     f"'{row[column]}' is not a number of mm",
-                    file=path,
                     field=f"line {number}, {column}",
                     remedy="Give a number",
                 )

@@ -15,7 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable
+from scaling_service.core.errors import FileUnreadable, name_file
 
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""
@@ -58,6 +58,7 @@ class Mesh:
     thinned_from: int = 0  # faces in the file, where these are fewer
 
 
+@name_file
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a surface of triangles by the suffix of its name.
 
@@ -68,34 +69,32 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         said = f"'{file.suffix}' is not a format of surfaces" if file.suffix else "the name has no suffix"
-        raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
+        raise FileUnreadable(said, remedy=f"Supported are {', '.join(READERS)}")
     if not file.is_file():
-        raise FileUnreadable("there is no such file", file=file, remedy="Check the path")
+        raise FileUnreadable("there is no such file", remedy="Check the path")
     try:
         size = file.stat().st_size
     except OSError as error:
-        raise FileUnreadable(f"it cannot be read: {error.strerror}", file=file, remedy=_REMEDY) from None
+        raise FileUnreadable(f"it cannot be read: {error.strerror}", remedy=_REMEDY) from None
     if size == 0:
-        raise FileUnreadable("the file is empty", file=file, remedy=_REMEDY)
+        raise FileUnreadable("the file is empty", remedy=_REMEDY)
     if size > MAX_BYTES:
         raise FileUnreadable(
             f"it has {size / 2**20:.0f} MB, more than {MAX_BYTES / 2**20:.0f}",
-            file=file,
             remedy="Reduce the surface; 60,000 faces are enough for a bone",
         )
     vertices, faces = reader(file)
     if len(faces) == 0 or len(vertices) == 0:
-        raise FileUnreadable("there are no faces in it", file=file, remedy=_REMEDY)
+        raise FileUnreadable("there are no faces in it", remedy=_REMEDY)
     if len(faces) > MAX_FACES:
         raise FileUnreadable(
             f"it has {len(faces)} faces, more than {MAX_FACES}",
-            file=file,
             remedy="Reduce the surface; 60,000 faces are enough for a bone",
         )
     if not np.isfinite(vertices).all():
-        raise FileUnreadable("some vertices are not finite numbers", file=file, remedy=_REMEDY)
+        raise FileUnreadable("some vertices are not finite numbers", remedy=_REMEDY)
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise FileUnreadable("some faces name vertices that do not exist", file=file, remedy=_REMEDY)
+        raise FileUnreadable("some faces name vertices that do not exist", remedy=_REMEDY)
     if len(faces) > FINE_FACES:
         return Mesh(*_thin(vertices, faces), thinned_from=len(faces))
     return Mesh(vertices.astype(float, copy=False), faces.astype(np.intp, copy=False))
@@ -142,11 +141,11 @@ def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
                 stream, file_type=file.suffix.lower()[1:], process=False, skip_materials=True
             )
     except OSError as error:
-        raise FileUnreadable(f"it cannot be read: {error.strerror}", file=file, remedy=_REMEDY) from None
+        raise FileUnreadable(f"it cannot be read: {error.strerror}", remedy=_REMEDY) from None
     except _DAMAGED as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FileUnreadable(
-            f"it is damaged or no {file.suffix.upper()[1:]} file ({reason[:120]})", file=file, remedy=_REMEDY
+            f"it is damaged or no {file.suffix.upper()[1:]} file ({reason[:120]})", remedy=_REMEDY
         ) from None
     return np.asarray(loaded.vertices, dtype=float), np.asarray(loaded.faces, dtype=np.intp)
 
@@ -157,7 +156,6 @@ def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
         if int(count[:20]) > 3 * MAX_FACES:  # each face with corners of its own
             raise FileUnreadable(
                 f"it claims to hold {int(count[:20])} points or cells, more than {3 * MAX_FACES}",
-                file=file,
                 remedy="Reduce the surface; 60,000 faces are enough for a bone",
             )
     # Imported here: VTK takes a second and 100 MB, and few bones come as VTP.
@@ -170,9 +168,7 @@ def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
         surface = pyvista.read(file)
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise FileUnreadable(
-            f"it is damaged or no VTP file ({reason[:120]})", file=file, remedy=_REMEDY
-        ) from None
+        raise FileUnreadable(f"it is damaged or no VTP file ({reason[:120]})", remedy=_REMEDY) from None
     finally:
         vtkObject.SetGlobalWarningDisplay(shown)
     if not isinstance(surface, pyvista.PolyData) or surface.n_points == 0 or surface.n_cells == 0:

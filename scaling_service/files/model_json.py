@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from scaling_service.core.errors import FileUnreadable
+from scaling_service.core.errors import FileUnreadable, name_file
 from scaling_service.files.tables import read_bytes
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import from_document, to_document
@@ -15,6 +15,7 @@ SUFFIX = ".json"
 _WRITTEN_BY = "scaling, dynamics, consistent and discover write it as model.json"
 
 
+@name_file
 def read_model_json(path: str | Path) -> BodyModel:
     """Read a model as scaling, dynamics, consistent or discovery wrote it.
 
@@ -27,7 +28,7 @@ def read_model_json(path: str | Path) -> BodyModel:
         content = json.loads(read_bytes(file, "a model.json"))
     except (ValueError, RecursionError):
         raise FileUnreadable(
-            "this is not JSON", file=file, remedy=f"Give a model of this program: {_WRITTEN_BY}"
+            "this is not JSON", remedy=f"Give a model of this program: {_WRITTEN_BY}"
         ) from None
     if not isinstance(content, dict) or not {"segments", "coordinates"} <= content.keys():
         # What a document seems to be
@@ -37,10 +38,8 @@ def read_model_json(path: str | Path) -> BodyModel:
             other = "a subject file"
         else:
             other = "some other document"
-        raise FileUnreadable(
-            f"this is {other}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
-        )
-    return from_document(content, file=file)
+        raise FileUnreadable(f"this is {other}, not a model", remedy=f"Give a model: {_WRITTEN_BY}")
+    return from_document(content)
 
 
 def write_model_json(path: Path, model: BodyModel) -> None:

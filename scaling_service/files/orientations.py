@@ -36,6 +36,7 @@ def is_orientation_file(path: str | os.PathLike[str]) -> bool:
     return kind == QUATERNION
 
 
+@errors.name_file
 def read_orientations(path: str | os.PathLike[str]) -> Recording:
     """Read the orientations of sensors over time, in the world of the sensors; no markers.
 
@@ -53,14 +54,13 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
         raise errors.FileUnreadable(
             f"it holds {'no orientations' if kind is None else kind[:20]}, and recordings in STO files are "
             "orientations of sensors",
-            file=file,
             field="DataType",
             remedy="Give a table with DataType=Quaternion, as OpenSense writes; forces go under `forces:`",
         )
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
-    columns = sto.read_columns(rows, file)
+    columns = sto.read_columns(rows)
     if len(rows) < 2:
-        raise errors.TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
+        raise errors.TrialUnusable("the table has a header but no row", remedy="Export it again")
     numbers = np.full((len(rows) - 1, len(columns) - 1, 4), np.nan)
     times = np.empty(len(numbers))
     for k, (line, content) in enumerate(rows[1:]):
@@ -69,7 +69,7 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
             times[k] = float(cells[0])
         except ValueError:
             raise errors.FileUnreadable(
-                f"'{cells[0][:20]}' is no time", file=file, field=f"line {line}", remedy="Export it again"
+                f"'{cells[0][:20]}' is no time", field=f"line {line}", remedy="Export it again"
             ) from None
         for j, cell in enumerate(cells[1 : len(columns)]):
             try:
@@ -77,11 +77,11 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
             except ValueError:
                 continue
             numbers[k, j] = parts if len(parts) == 4 else np.nan
-    tables.check_times(times, file, [number for number, _ in rows[1:]])
+    tables.check_times(times, [number for number, _ in rows[1:]])
     known = np.abs(np.linalg.norm(numbers, axis=2) - 1.0) < _UNIT
     if not known.any():
         raise errors.TrialUnusable(
-            "no cell holds a unit quaternion w,x,y,z", file=file, field="DataType", remedy="Export it again"
+            "no cell holds a unit quaternion w,x,y,z", field="DataType", remedy="Export it again"
         )
     whole = np.where(known[..., None], numbers, [1.0, 0.0, 0.0, 0.0])
     turns = Rotation.from_quat(whole.reshape(-1, 4), scalar_first=True).as_matrix()

@@ -72,6 +72,7 @@ class Recording(trials.Trial):
         )
 
 
+@errors.name_file
 def read_recording(path: str | os.PathLike[str]) -> Recording:
     """Read a recording by the suffix of its name.
 
@@ -104,13 +105,12 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         said = f"'{file.suffix}' is not a format of recordings" if file.suffix else "the name has no suffix"
-        raise errors.FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
+        raise errors.FileUnreadable(said, remedy=f"Supported are {', '.join(READERS)}")
     recording: Recording = reader.load()(file)
     named = sum(not trials.is_unlabelled(label) for label in recording.labels)
     if named > MOST_LABELS:
         raise errors.TrialUnusable(
             f"it has {named:,} labels, and {MOST_LABELS:,} is the most that is looked at",
-            file=file,
             field="labels",
             remedy="Export the markers of one person",
         )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import find_objects, gaussian_filter
 
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import FileUnreadable
+from scaling_service.core.errors import FileUnreadable, name_file
 from scaling_service.files import mesh
 
 MAX_VOXELS = 700_000_000  # chosen: a whole body of 512 x 512 x 2600; one byte each
@@ -68,6 +68,7 @@ def list_tables(name: str) -> tuple[str, ...]:
     return tuple(f"{_strip(Path(name))}{suffix}" for suffix in TABLE_SUFFIXES)
 
 
+@name_file
 def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
     """Read the surfaces of all labels.
 
@@ -85,7 +86,6 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
             if not meshes:
                 raise FileUnreadable(
                     "no surface and no mask is in it",
-                    file=place,
                     remedy=f"Export one file a label: {', '.join((*mesh.READERS, *MAP_SUFFIXES))}",
                 )
             return Segmentation(
@@ -105,7 +105,6 @@ def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
     if not surfaces:
         raise FileUnreadable(
             f"it has no label that is known ({', '.join(map(str, np.unique(volume)[1:9]))})",
-            file=place,
             remedy=f'Say what its numbers are in {_strip(place)}.json beside it: {{"femur_r": 3, …}}',
         )
     return Segmentation(
@@ -121,6 +120,7 @@ def describe_label_map(path: str | os.PathLike[str]) -> str:
     return f"a label map of {' x '.join(map(str, shape))} voxels"
 
 
+@name_file
 def _open(file: Path) -> Any:
     """An image of nibabel, of which nothing but the header was read."""
     try:
@@ -128,7 +128,6 @@ def _open(file: Path) -> Any:
     except ImportError:
         raise FileUnreadable(
             "NIfTI files need the package nibabel",
-            file=file,
             remedy="Install it with `pip install 'scaling-service[images]'`",
         ) from None
     try:
@@ -136,20 +135,18 @@ def _open(file: Path) -> Any:
         if len(image.shape) != 3 or int(np.prod(image.shape)) > MAX_VOXELS:
             raise FileUnreadable(
                 f"it has the shape {image.shape}; a label map has three axes and at most {MAX_VOXELS} voxels",
-                file=file,
                 remedy="Export the labels as one map, cropped to the bones",
             )
     except (OSError, ValueError, EOFError, nibabel.filebasedimages.ImageFileError) as error:
-        raise _refuse(file, error) from None
+        raise _refuse(error) from None
     return image
 
 
-def _refuse(file: Path, error: Exception) -> FileUnreadable:
-    return FileUnreadable(
-        f"it cannot be read as NIfTI ({error})", file=file, remedy="Export the label map again"
-    )
+def _refuse(error: Exception) -> FileUnreadable:
+    return FileUnreadable(f"it cannot be read as NIfTI ({error})", remedy="Export the label map again")
 
 
+@name_file
 def _read_volume(file: Path) -> tuple[NDArray[Any], Array, dict[int, str]]:
     """Labels (i, j, k), what takes indices to mm, (4, 4), and the names that stand in the file."""
     image = _open(file)
@@ -158,17 +155,16 @@ def _read_volume(file: Path) -> tuple[NDArray[Any], Array, dict[int, str]]:
         affine: Array = np.asarray(image.affine, dtype=np.float64)
         names = dict(_read_own_names(image.header.extensions))
     except (OSError, ValueError, EOFError) as error:
-        raise _refuse(file, error) from None
+        raise _refuse(error) from None
     if raw.dtype.kind == "f":
         if not np.isfinite(raw).all() or (raw != np.rint(raw)).any():
             raise FileUnreadable(
                 "its values are no whole numbers, so that it is an image and no label map",
-                file=file,
                 remedy="Give the segmentation, not the image that was segmented",
             )
         raw = raw.astype(np.int32)
     if abs(float(np.linalg.det(affine[:3, :3]))) < 1e-9:
-        raise FileUnreadable("its voxels have no size", file=file, remedy="Export the label map again")
+        raise FileUnreadable("its voxels have no size", remedy="Export the label map again")
     return raw, affine, names
 
 

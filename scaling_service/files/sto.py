@@ -66,6 +66,7 @@ class Table:
         return self.data[:, self.columns.index(name)]
 
 
+@errors.name_file
 def read_sto(path: str | os.PathLike[str]) -> Table:
     """Read a STO or MOT file of any header version.
 
@@ -80,24 +81,23 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise errors.FileUnreadable(
-            f"this is not {_KIND}: there is no line 'endheader'", file=file, remedy="Export it as STO or MOT"
+            f"this is not {_KIND}: there is no line 'endheader'", remedy="Export it as STO or MOT"
         )
     header = read_header([line for _, line in lines[:end]])
     kind = look_up(header, "datatype")
     if kind is not None and kind.lower() not in ("double", "float"):
         raise errors.FileUnreadable(
             f"cells of type {kind[:20]} are not supported, only plain numbers",
-            file=file,
             field="DataType",
             remedy="Flatten the table to DataType=double",
         )
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
-    columns = read_columns(rows, file)
+    columns = read_columns(rows)
     body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
-    data, row_repairs = tables.parse_rows(body, columns, file)
+    data, row_repairs = tables.parse_rows(body, columns)
     if not len(data):
-        raise errors.TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
-    tables.check_times(data[:, 0], file, [number for number, _ in body])
+        raise errors.TrialUnusable("the table has a header but no row", remedy="Export it again")
+    tables.check_times(data[:, 0], [number for number, _ in body])
     stated = look_up(header, "indegrees")
     word = (stated or "").strip().lower()
     degrees = word in _TRUE if word in _TRUE or word in _FALSE else None
@@ -140,13 +140,13 @@ def look_up(header: abc.Mapping[str, str], key: str) -> str | None:
     return next((value for name, value in header.items() if name.lower() == key), None)
 
 
-def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
+def read_columns(rows: list[tables.Line]) -> tuple[str, ...]:
     """Names of the columns from the line after the header.
 
     Raises FileUnreadable: there is none, the first is not time, one has no name, or two have the same.
     """
     if not rows:
-        raise errors.FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
+        raise errors.FileUnreadable("the file ends after its header", remedy="Export it again")
     cells = tables.split_cells(rows[0][1])
     while cells and not cells[-1]:
         cells.pop()
@@ -154,18 +154,14 @@ def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
         first = cells[0][:20] if cells else ""
         raise errors.FileUnreadable(
             f"the first column is '{first}', not time",
-            file=file,
             field=f"line {rows[0][0]}",
             remedy="Put the column 'time' first, and the column names on the line after 'endheader'",
         )
     if "" in cells:
         raise errors.FileUnreadable(
-            f"column {cells.index('') + 1} has no name",
-            file=file,
-            field=f"line {rows[0][0]}",
-            remedy="Name it",
+            f"column {cells.index('') + 1} has no name", field=f"line {rows[0][0]}", remedy="Name it"
         )
-    tables.refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
+    tables.refuse_duplicates(cells, range(1, len(cells) + 1), "column")
     return ("time", *cells[1:])
 
 

@@ -52,6 +52,7 @@ _REPAIRS = {
 """What a row can need, to the kind of repair and what is said of it."""
 
 
+@errors.name_file
 def read_bytes(path: Path, kind: str) -> bytes:
     """The content of a file that must exist and hold something.
 
@@ -60,23 +61,18 @@ def read_bytes(path: Path, kind: str) -> bytes:
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        raise errors.FileUnreadable(
-            "there is no such file", file=path, remedy="Check its name and folder"
-        ) from None
+        raise errors.FileUnreadable("there is no such file", remedy="Check its name and folder") from None
     except IsADirectoryError:
-        raise errors.FileUnreadable(
-            f"this is a folder, not {kind}", file=path, remedy="Name a file"
-        ) from None
+        raise errors.FileUnreadable(f"this is a folder, not {kind}", remedy="Name a file") from None
     except OSError as error:
         reason = (error.strerror or "unknown reason").lower()
-        raise errors.FileUnreadable(
-            f"cannot be read: {reason}", file=path, remedy="Check its permissions"
-        ) from None
+        raise errors.FileUnreadable(f"cannot be read: {reason}", remedy="Check its permissions") from None
     if not content.strip():
-        raise errors.FileUnreadable("the file is empty", file=path, remedy="Export or copy it again")
+        raise errors.FileUnreadable("the file is empty", remedy="Export or copy it again")
     return content
 
 
+@errors.name_file
 def read_text(path: Path, kind: str) -> tuple[str, tuple[trial.Repair, ...]]:
     """The text of a file, as UTF-8 or, where it is not, Latin-1.
 
@@ -86,11 +82,9 @@ def read_text(path: Path, kind: str) -> tuple[str, tuple[trial.Repair, ...]]:
     content = read_bytes(path, kind)
     repairs: tuple[trial.Repair, ...] = ()
     if content[:1] < b"\x80" and content[1:2] == b"\x50" and b"\x00" in content[:512]:
-        raise errors.FileUnreadable(f"this is a C3D file, not {kind}", file=path, remedy="Name it .c3d")
+        raise errors.FileUnreadable(f"this is a C3D file, not {kind}", remedy="Name it .c3d")
     if b"\x00" in content:
-        raise errors.FileUnreadable(
-            f"this is binary, not {kind}", file=path, remedy="Export it again as plain text"
-        )
+        raise errors.FileUnreadable(f"this is binary, not {kind}", remedy="Export it again as plain text")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -114,7 +108,7 @@ def split_cells(line: str) -> list[str]:
 
 
 def parse_rows(
-    lines: abc.Sequence[Line], columns: abc.Sequence[str], path: Path
+    lines: abc.Sequence[Line], columns: abc.Sequence[str]
 ) -> tuple[Array, tuple[trial.Repair, ...]]:
     """Rows of numbers under named columns.
 
@@ -133,7 +127,7 @@ def parse_rows(
             if data.shape == (len(texts), wanted) and not np.isinf(data).any():
                 return data, ()
     tally: Counter[str] = Counter()
-    rows = [_parse_row(number, text, columns, path, tally) for number, text in lines if text.strip()]
+    rows = [_parse_row(number, text, columns, tally) for number, text in lines if text.strip()]
     data = np.array(rows, dtype=float).reshape(len(rows), wanted)
     infinite = np.isinf(data)
     tally["infinite"] = int(infinite.any(axis=1).sum())
@@ -145,9 +139,7 @@ def parse_rows(
     )
 
 
-def _parse_row(
-    number: int, text: str, columns: abc.Sequence[str], path: Path, tally: Counter[str]
-) -> list[float]:
+def _parse_row(number: int, text: str, columns: abc.Sequence[str], tally: Counter[str]) -> list[float]:
     wanted = len(columns)
     if "_" not in text:  # float() would read 1_000 as a number
         try:
@@ -165,9 +157,7 @@ def _parse_row(
     if len(cells) > wanted:
         tally["extra"] += 1
         cells = cells[:wanted]
-    values = [
-        _number(cell, tally, path, number, column) for cell, column in zip(cells, columns, strict=False)
-    ]
+    values = [_number(cell, tally, number, column) for cell, column in zip(cells, columns, strict=False)]
     if any(not cell for cell in cells):
         tally["blank"] += 1
     if len(values) < wanted and tabbed:
@@ -178,7 +168,7 @@ def _parse_row(
     return values + [np.nan] * (wanted - len(values))
 
 
-def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) -> float:
+def _number(cell: str, tally: Counter[str], line: int, column: str) -> float:
     if cell.lower() in MISSING:
         return float("nan")
     if "_" not in cell:
@@ -195,7 +185,6 @@ def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) 
             return value
     raise errors.FileUnreadable(
         f"line {line} holds {cell[:20]!r} where a number is expected",
-        file=path,
         field=column,
         remedy="Correct the cell, or leave it blank if the value is missing",
     )
@@ -265,7 +254,7 @@ def separate_duplicates(
     return tuple(names), tuple(repairs)
 
 
-def refuse_duplicates(names: abc.Sequence[str], columns: abc.Sequence[int], path: Path, kind: str) -> None:
+def refuse_duplicates(names: abc.Sequence[str], columns: abc.Sequence[int], kind: str) -> None:
     """Raise if two columns have one name.
 
     ``columns``: position of each in the file, from 1, for the message. ``kind``: ``"marker"`` or
@@ -276,14 +265,13 @@ def refuse_duplicates(names: abc.Sequence[str], columns: abc.Sequence[int], path
         if name in first:
             raise errors.FileUnreadable(
                 f"two {kind}s are called '{name}': in columns {first[name]} and {column}",
-                file=path,
                 field=name,
                 remedy="Rename or delete one of them in the recording",
             )
         first[name] = column
 
 
-def check_times(times: Array, path: Path, lines: abc.Sequence[int] | None = None) -> None:
+def check_times(times: Array, lines: abc.Sequence[int] | None = None) -> None:
     """Raise unless times are known and increase from row to row.
 
     ``times``: (n_rows,), s. ``lines``: line number of each row, for the message. Raises TrialUnusable.
@@ -300,10 +288,7 @@ def check_times(times: Array, path: Path, lines: abc.Sequence[int] | None = None
         problem = f"has time {times[row]:g} s, not later than {times[row - 1]:g} s before it"
     place = f"line {lines[row]}" if lines is not None else f"row {row + 1}"
     raise errors.TrialUnusable(
-        f"{place} {problem}",
-        file=path,
-        field="time",
-        remedy="Times must increase from row to row; export it again",
+        f"{place} {problem}", field="time", remedy="Times must increase from row to row; export it again"
     )
 
 

@@ -28,6 +28,7 @@ _KIND = "a TRC file"
 _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
 
 
+@errors.name_file
 def read_trc(path: str | os.PathLike[str]) -> recording.Recording:
     """Read a TRC file.
 
@@ -39,29 +40,26 @@ def read_trc(path: str | os.PathLike[str]) -> recording.Recording:
     file = Path(path)
     text, repairs = tables.read_text(file, _KIND)
     lines = tables.number_lines(text)
-    header = _read_header(lines, file)
+    header = _read_header(lines)
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in header.columns for axis in "XYZ")]
     body, cut = tables.trim_cut_line(
         text, [line for line in lines[header.first_row :] if line[1].strip()], len(columns)
     )
-    data, row_repairs = tables.parse_rows(body, columns, file)
+    data, row_repairs = tables.parse_rows(body, columns)
     if not len(data):
-        raise errors.TrialUnusable(
-            "the file has a header but no frame", file=file, remedy="Record or export it again"
-        )
+        raise errors.TrialUnusable("the file has a header but no frame", remedy="Record or export it again")
     if cut and _read_positive(header.stated_frames) > len(data):
         raise errors.FileUnreadable(
             f"the file is cut off: its header counts {header.stated_frames} frames, and it breaks off in "
             f"line {body[-1][0]} after {len(data)}",
-            file=file,
             remedy="Copy or export it again",
         )
-    tables.check_times(data[:, 1], file, [number for number, _ in body])
+    tables.check_times(data[:, 1], [number for number, _ in body])
 
     named = [k for k, label in enumerate(header.columns) if label]
     labels = tuple(header.columns[k] for k in named)
     positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
-    times, positions, rate, clock = restore_clock(data[:, 1], positions, header.rate_hz, file)
+    times, positions, rate, clock = restore_clock(data[:, 1], positions, header.rate_hz)
     positions, lost = tables.clean_positions(positions, labels)
     labels, twice = tables.separate_duplicates(labels, positions)
     counts = [
@@ -95,7 +93,7 @@ class _Header:
     repairs: tuple[Repair, ...]
 
 
-def _read_header(lines: list[tables.Line], file: Path) -> _Header:
+def _read_header(lines: list[tables.Line]) -> _Header:
     first = next(text for _, text in lines if text.strip())
     if not first.strip().lower().startswith("pathfiletype"):
         words = " ".join(text for _, text in lines[:40]).lower()
@@ -106,20 +104,17 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
         else:
             other = "not a TRC file"
         raise errors.FileUnreadable(
-            f"this is {other}",
-            file=file,
-            field="line 1",
-            remedy="A TRC file begins with the word PathFileType",
+            f"this is {other}", field="line 1", remedy="A TRC file begins with the word PathFileType"
         )
-    keys_at = _find(lines, "datarate", file)
+    keys_at = _find(lines, "datarate")
     values_at = next((k for k in range(keys_at + 1, len(lines)) if lines[k][1].strip()), None)
-    labels_at = _find(lines, "frame", file)
+    labels_at = _find(lines, "frame")
     if values_at is None or values_at >= labels_at:
-        raise _report_truncated(file, "the line of values under DataRate")
+        raise _report_truncated("the line of values under DataRate")
     keys, values = lines[keys_at][1].split(), lines[values_at][1].split()
     stated = {key.lower(): value for key, value in zip(keys, values, strict=False)}
-    unit, unit_repairs = _read_unit(stated, values, file)
-    columns, label_repairs = _read_labels(lines[labels_at][1], file)
+    unit, unit_repairs = _read_unit(stated, values)
+    columns, label_repairs = _read_labels(lines[labels_at][1])
     first_row, layout = _skip_axes(lines, labels_at + 1)
     return _Header(
         columns=columns,
@@ -133,22 +128,20 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     )
 
 
-def _find(lines: list[tables.Line], word: str, file: Path) -> int:
+def _find(lines: list[tables.Line], word: str) -> int:
     for k, (_, text) in enumerate(lines[:20]):
         if text.strip().lower().startswith(word):
             return k
     raise _report_truncated(
-        file, {"datarate": "the line with DataRate", "frame": "the line with Frame# and Time"}[word]
+        {"datarate": "the line with DataRate", "frame": "the line with Frame# and Time"}[word]
     )
 
 
-def _report_truncated(file: Path, what: str) -> errors.FileUnreadable:
-    return errors.FileUnreadable(
-        f"the header is truncated: {what} is missing", file=file, remedy="Export it again"
-    )
+def _report_truncated(what: str) -> errors.FileUnreadable:
+    return errors.FileUnreadable(f"the header is truncated: {what} is missing", remedy="Export it again")
 
 
-def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
+def _read_unit(stated: dict[str, str], values: list[str]) -> tuple[str, tuple[Repair, ...]]:
     unit = stated.get("units", "").lower()
     if unit in tables.METRES:
         return unit, ()
@@ -159,10 +152,7 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
         )
     if unit and not re.fullmatch(r"[-+.\d]+", unit):
         raise errors.FileUnreadable(
-            f"unit '{unit[:20]}' is not known",
-            file=file,
-            field="Units",
-            remedy="Give the positions in mm or m",
+            f"unit '{unit[:20]}' is not known", field="Units", remedy="Give the positions in mm or m"
         )
     return "mm", (
         Repair(
@@ -171,14 +161,14 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
     )
 
 
-def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
+def _read_labels(line: str) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
     cells = tables.split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
     if len(cells) < 2 or not cells[1].lower().startswith("time"):
-        raise _report_truncated(file, "the column Time")
+        raise _report_truncated("the column Time")
     found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
     if not found:
         raise errors.TrialUnusable(
-            "the file names no marker", file=file, field="Frame#", remedy="Export labelled markers"
+            "the file names no marker", field="Frame#", remedy="Export labelled markers"
         )
     spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
     slots = [k // 3 for k, _ in found] if spread else list(range(len(found)))
@@ -242,7 +232,7 @@ def _read_positive(text: str) -> float:
 
 
 def restore_clock(
-    times: Array, positions: Array, stated_hz: float, file: Path
+    times: Array, positions: Array, stated_hz: float
 ) -> tuple[Array, Array, float, tuple[Repair, ...]]:
     """Undo the rounding of times and restore frames that were left out, where the clock is regular.
 
@@ -251,7 +241,7 @@ def restore_clock(
     if len(times) == 1:
         if not np.isfinite(stated_hz):
             raise errors.TrialUnusable(
-                "one frame and no frame rate", file=file, field="DataRate", remedy="State the rate"
+                "one frame and no frame rate", field="DataRate", remedy="State the rate"
             )
         return times, positions, stated_hz, ()
     times, counted = _take_seconds(times, stated_hz)

@@ -16,7 +16,6 @@ from inspect import cleandoc
 from itertools import pairwise
 from pathlib import Path
 from textwrap import dedent
-from types import MappingProxyType
 from typing import Any
 
 from markdown_it import MarkdownIt
@@ -26,45 +25,14 @@ import scaling_service
 from scaling_service import plugins
 from scaling_service.core.errors import InputError
 from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, render_notebook
+from scaling_service.model.reference import read_reference
 
 _SECTION = re.compile(r"^([A-Z][a-z]+)\n-{3,}\n", re.MULTILINE)
 _ENTRY = re.compile(r"^(\S.*)\n?((?:(?: .*)?\n?(?!\S))*)", re.MULTILINE)
 
 FIGURES = Path(__file__).with_name("figures.json")
 
-PARTS: abc.Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "Use it": (
-            "first-steps",
-            "own-recording",
-            "verdict",
-            "joint-angles",
-            "rotations",
-            "forces",
-            "missing-effect",
-            "cohort",
-        ),
-        "Run it for others": ("service", "scaling-out"),
-        "How it works": (
-            "method-scaling",
-            "method-lengths",
-            "method-motion",
-            "method-bones",
-            "method-forces",
-            "method-effects",
-            "studies",
-            "benchmark",
-        ),
-        "Notebooks": (
-            "notebook-scale",
-            "notebook-compare",
-            "notebook-bones",
-            "notebook-cohort",
-            "notebook-effect",
-        ),
-        "Look up": ("files", "python", "python-names", "plugins", "http"),
-    }
-)
+PARTS: abc.Mapping[str, list[str]] = read_reference(Path(__file__).with_name("contents.yaml"))
 """Headings of the table of contents, and the pages under each: file names without suffix."""
 
 _FIGURE = re.compile(r"\{\{(table )?([\w.]+)(?::([^{}]+))?\}\}")
@@ -82,8 +50,7 @@ def describe_interface() -> str:
 def describe_plugins() -> str:
     """Name in a table what other distributions may import, with the first sentence of each docstring."""
     rows = [
-        f"| `{name}` | {_format_inline(_summarise(f'scaling_service.{home}', name))} |"
-        for name, home in plugins.HOMES.items()
+        f"| `{name}` | {_format_inline(_summarise(home, name))} |" for name, home in plugins.HOMES.items()
     ]
     return "\n".join(["| name | what |", "|---|---|", *rows])
 
@@ -99,7 +66,7 @@ def _summarise(module: str, name: str) -> str:
 
 
 def _describe(name: str) -> str:
-    module = f"scaling_service.{scaling_service.HOMES[name]}"
+    module = scaling_service.HOMES[name]
     node = _find(module, name)
     if isinstance(node, ast.FunctionDef):
         returns = f" -> {ast.unparse(node.returns)}" if node.returns else ""

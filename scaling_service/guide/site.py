@@ -8,6 +8,7 @@ from dataclasses import asdict
 from functools import cache
 from html import escape
 from pathlib import Path
+from string import Template
 from types import MappingProxyType
 
 from markdown_it import MarkdownIt
@@ -20,10 +21,6 @@ _HERE = Path(__file__).parent
 _AS_THEY_ARE = (".svg", ".png", ".ipynb")
 
 _OPTIONS = MarkdownIt("commonmark").options
-_SEARCH = (
-    '<form role="search" id="search"><input type="search" id="words" placeholder="Search the guide" '
-    'aria-label="Search the guide" autocomplete="off"></form>'
-)
 
 
 @cache
@@ -78,17 +75,6 @@ def _render_page(name: str) -> str:
         here = {page: ' aria-current="page"' if page == name else "" for page in pages}
         links = (f'<a href="{page}.html"{here[page]}>{escape(read_title(page))}</a>' for page in pages)
         parts.append(f"<h2>{escape(part)}</h2><ul>{''.join(f'<li>{link}</li>' for link in links)}</ul>")
-    contents = f"<details open><summary>Contents</summary>{''.join(parts)}</details>"
-    return (
-        '<!doctype html><html lang="en"><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="color-scheme" content="light dark">'
-        f"<title>{escape(read_title(name))} · scaling-service</title>"
-        '<link rel="icon" href="data:,"><link rel="stylesheet" href="guide.css">'
-        '<script src="sections.js" defer></script><script src="guide.js" defer></script>'
-        '<a class="skip" href="#page">To the text</a>'
-        f'<header><a class="brand" href="index.html">scaling-service guide</a>{_SEARCH}</header>'
-        f'<div class="columns"><nav id="contents" aria-label="Contents">{contents}</nav><main id="page">'
-        f'<ol id="found" hidden></ol><article>{body}</article>'
-        f'<nav class="around" aria-label="Pages before and after">{"".join(around)}</nav></main></div></html>'
+    return Template((_HERE / "page.html").read_text(encoding="utf-8")).substitute(
+        title=escape(read_title(name)), contents="".join(parts), body=body, around="".join(around)
     )

@@ -11,7 +11,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
-from pathlib import Path
 from typing import Any
 
 from scaling_service.core import errors
@@ -45,24 +44,20 @@ def to_document(model: body.BodyModel) -> dict[str, Any]:
     return {"schema_version": SCHEMA_VERSION, **content}
 
 
-def from_document(document: Mapping[str, Any], *, file: str | Path | None = None) -> body.BodyModel:
+def from_document(document: Mapping[str, Any]) -> body.BodyModel:
     """The model that a document describes.
 
     ``document``: as :func:`to_document` makes it. Unknown keys are errors.
-    ``file``: named in errors.
     Raises InputError: a key that is unknown or missing, or a value of the wrong kind; its path is the field.
     Raises ModelRefused: the model is no tree, or a law or marker names something that is not in it.
     """
     if not isinstance(document, Mapping):
-        raise errors.InputError(
-            "it is not a mapping of keys to values", file=file, remedy="Give a model document"
-        )
+        raise errors.InputError("it is not a mapping of keys to values", remedy="Give a model document")
     content = dict(document)
     version = content.pop("schema_version", None)
     if version != SCHEMA_VERSION:
         raise errors.InputError(
             f"model document of version {version!r}, this program reads {SCHEMA_VERSION}",
-            file=file,
             field="schema_version",
             remedy="Write the model again with the present program",
         )
@@ -83,8 +78,8 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
             "too few": ("the list is too short", "Add what is missing"),
         }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
         path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
-        raise errors.InputError(problem, file=file, field=path or None, remedy=remedy) from None
-    _check_names(model, file)
+        raise errors.InputError(problem, field=path or None, remedy=remedy) from None
+    _check_names(model)
     return model
 
 
@@ -123,47 +118,42 @@ def _is_default(item: Field[Any], value: object) -> bool:
     return item.default is not MISSING and value == item.default and repr(value) == repr(item.default)
 
 
-def _check_names(model: body.BodyModel, file: str | Path | None) -> None:
+def _check_names(model: body.BodyModel) -> None:
     """Every coordinate, parameter and segment that is named must exist, every axis be a unit vector."""
-    coordinates, parameters = set(model.coordinate_names), {p.name for p in model.parameters}
+    known = {
+        "coordinate": set(model.coordinate_names),
+        "parameter": {p.name for p in model.parameters},
+        "segment": set(model.segment_names),
+    }
 
-    def check(law: body.Law, where: str) -> None:
+    def require(what: str, name: str | None, where: str) -> None:
+        if name is not None and name not in known[what]:
+            problem, remedy = f"{what} '{name}' is not in the model", f"Declare the {what}"
+            raise errors.ModelRefused(problem, field=where, remedy=remedy)
+
+    laws = [(joint.law, segment.joint_name) for segment, joint in model.joints()]
+    for segment, joint in model.joints():
+        require("segment", joint.scales_with, segment.joint_name)
+        if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
+            raise errors.ModelRefused(
+                f"the axis {joint.axis} is not of length 1",
+                field=segment.joint_name,
+                remedy="Divide the axis by its length",
+            )
+    laws += [(law, marker.name) for marker in model.markers for law in marker.laws]
+    for coupler in model.couplers:
+        laws.append((coupler.law, coupler.dependent))
+        require("coordinate", coupler.independent, coupler.dependent)
+    for constraint in model.constraints:
+        of_ends = (law for end in constraint.ends for law in end.laws)
+        laws += [(law, constraint.name) for law in (constraint.law, *of_ends)]
+    for name, _ in model.departures:
+        require("coordinate", name, "departures")
+    for expected in model.expectations:
+        require("coordinate", expected.coordinate, "expectations")
+        laws.append((expected.law, expected.coordinate))
+    for law, where in laws:
         for term in law.terms:
             for name in term.coordinates:
-                _must_exist(name, coordinates, "coordinate", where, file)
-            _must_exist(term.parameter, parameters, "parameter", where, file)
-
-    segments = set(model.segment_names)
-    for segment in model.segments:
-        for joint in segment.joints:
-            _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
-            if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
-                raise errors.ModelRefused(
-                    f"the axis {joint.axis} is not of length 1",
-                    file=file,
-                    field=segment.joint_name,
-                    remedy="Divide the axis by its length",
-                )
-        for joint in segment.joints:
-            check(joint.law, segment.joint_name)
-    for marker in model.markers:
-        for law in marker.laws:
-            check(law, marker.name)
-    for coupler in model.couplers:
-        check(coupler.law, coupler.dependent)
-        _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, file)
-    for constraint in model.constraints:
-        for law in (constraint.law, *(law for end in constraint.ends for law in end.laws)):
-            check(law, constraint.name)
-    for name, _ in model.departures:
-        _must_exist(name, coordinates, "coordinate", "departures", file)
-    for expected in model.expectations:
-        _must_exist(expected.coordinate, coordinates, "coordinate", "expectations", file)
-        check(expected.law, expected.coordinate)
-
-
-def _must_exist(name: str | None, known: set[str], what: str, where: str, file: str | Path | None) -> None:
-    if name is not None and name not in known:
-        raise errors.ModelRefused(
-            f"{what} '{name}' is not in the model", file=file, field=where, remedy=f"Declare the {what}"
-        )
+                require("coordinate", name, where)
+            require("parameter", term.parameter, where)

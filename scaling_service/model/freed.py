@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 from scaling_service.model import body, parameters
 from scaling_service.model.anatomy.lengths import find_segment
@@ -88,7 +87,8 @@ def free_centre(model: body.BodyModel, segment: str, joint: str) -> body.BodyMod
     segments = tuple(
         replace(s, joints=(*shifts, *s.joints)) if s.name == segment else s for s in model.segments
     )
-    return _with_numbers(replace(model, segments=segments), names, "centre", joint)
+    freed = replace(model, segments=segments)
+    return parameters.add_parameters(freed, dict.fromkeys(names, UNBOUNDED), "centre", joint)
 
 
 def free_skin(model: body.BodyModel, name: str, drivers: Sequence[str]) -> body.BodyModel:
@@ -106,16 +106,5 @@ def free_skin(model: body.BodyModel, name: str, drivers: Sequence[str]) -> body.
         return replace(marker, laws=(x, y, z))
 
     names = [f"skin.{name}.{letter}.{driver}" for letter in parameters.LETTERS for driver in drivers]
-    return _with_numbers(model.with_markers(tuple(map(change, model.markers))), names, "skin", name)
-
-
-def _with_numbers(
-    model: body.BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
-) -> body.BodyModel:
-    added = (
-        body.Parameter(
-            name=name, value=0.0, unit="m", lower=-UNBOUNDED, upper=UNBOUNDED, group=group, target=target
-        )
-        for name in names
-    )
-    return replace(model, parameters=(*model.parameters, *added))
+    freed = model.with_markers(tuple(map(change, model.markers)))
+    return parameters.add_parameters(freed, dict.fromkeys(names, UNBOUNDED), "skin", name)

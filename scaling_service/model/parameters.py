@@ -106,20 +106,9 @@ def _resize_segment(
         )
         for s in model.segments
     )
-    added = (
-        body.Parameter(
-            name=name,
-            value=1.0,
-            unit="1",
-            lower=1.0 - relative_bound,
-            upper=1.0 + relative_bound,
-            group="length",
-            target=segment,
-            prior_sd=prior_sd,
-        )
-        for name in dict.fromkeys(name for share in shares.values() for name in share)
-    )
-    return _with(_map_markers(replace(model, segments=segments), marker), *added)
+    bounds = {name: relative_bound for share in shares.values() for name in share}
+    resized_model = _map_markers(replace(model, segments=segments), marker)
+    return add_parameters(resized_model, bounds, "length", segment, "1", value=1.0, prior_sd=prior_sd)
 
 
 def _multiply_law(law: body.Law, shares: abc.Mapping[str, float], *, constant_only: bool = False) -> body.Law:
@@ -151,20 +140,9 @@ def free_axis(
             replace(item, joints=_tilt_axis(item.joints, *names)) if item.joint_name == joint_name else item
         )
 
-    added = tuple(
-        body.Parameter(
-            name=name,
-            value=0.0,
-            unit="rad",
-            lower=-bound,
-            upper=bound,
-            group="axis",
-            target=joint_name,
-            prior_sd=prior_sd,
-        )
-        for name, bound in zip(names, (bound_x, bound_y), strict=True)
-    )
-    return _with(replace(model, segments=tuple(map(segment, model.segments))), *added)
+    turned = replace(model, segments=tuple(map(segment, model.segments)))
+    bounds = dict(zip(names, (bound_x, bound_y), strict=True))
+    return add_parameters(turned, bounds, "axis", joint_name, "rad", prior_sd=prior_sd)
 
 
 def _tilt_axis(joints: tuple[body.Joint, ...], x: str, y: str) -> tuple[body.Joint, ...]:
@@ -199,20 +177,8 @@ def free_marker(
         )
         return replace(item, laws=(x, y, z))
 
-    added = tuple(
-        body.Parameter(
-            name=parameter,
-            value=0.0,
-            unit="m",
-            lower=-bound,
-            upper=bound,
-            group="marker",
-            target=name,
-            prior_sd=prior_sd,
-        )
-        for parameter in chosen.values()
-    )
-    return _with(_map_model(model, lambda joint: joint, marker), *added)
+    bounds = dict.fromkeys(chosen.values(), bound)
+    return add_parameters(_map_markers(model, marker), bounds, "marker", name, prior_sd=prior_sd)
 
 
 def fold(model: body.BodyModel, values: abc.Mapping[str, float] | None = None) -> body.BodyModel:
@@ -234,17 +200,10 @@ def fold(model: body.BodyModel, values: abc.Mapping[str, float] | None = None) -
         x, y, z = map(law, item.laws)
         return replace(item, laws=(x, y, z))
 
-    folded = _map_model(model, lambda joint: replace(joint, law=law(joint.law)), marker)
-    return replace(folded, parameters=())
-
-
-def _map_model(
-    model: body.BodyModel,
-    joint: abc.Callable[[body.Joint], body.Joint],
-    marker: abc.Callable[[body.Marker], body.Marker],
-) -> body.BodyModel:
-    segments = tuple(replace(s, joints=tuple(map(joint, s.joints))) for s in model.segments)
-    return _map_markers(replace(model, segments=segments), marker)
+    segments = tuple(
+        replace(s, joints=tuple(replace(j, law=law(j.law)) for j in s.joints)) for s in model.segments
+    )
+    return _map_markers(replace(model, segments=segments, parameters=()), marker)
 
 
 def _map_markers(model: body.BodyModel, marker: abc.Callable[[body.Marker], body.Marker]) -> body.BodyModel:
@@ -253,7 +212,30 @@ def _map_markers(model: body.BodyModel, marker: abc.Callable[[body.Marker], body
     return replace(model, markers=tuple(map(marker, model.markers)), constraints=tuple(ends))
 
 
-def _with(model: body.BodyModel, *added: body.Parameter) -> body.BodyModel:
+def add_parameters(
+    model: body.BodyModel,
+    bounds: abc.Mapping[str, float],
+    group: str,
+    target: str,
+    unit: Literal["m", "rad", "1"] = "m",
+    *,
+    value: float = 0.0,
+    prior_sd: float | None = None,
+) -> body.BodyModel:
+    """The model with parameters by their names, each with how far it may go to either side of its value."""
+    added = (
+        body.Parameter(
+            name=name,
+            value=value,
+            unit=unit,
+            lower=value - bound,
+            upper=value + bound,
+            group=group,
+            target=target,
+            prior_sd=prior_sd,
+        )
+        for name, bound in bounds.items()
+    )
     return replace(model, parameters=(*model.parameters, *added))
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import abc
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import reference
 from scaling_service.model.anatomy import anthropometry
 from scaling_service.model.trial import Trial
 from scaling_service.recording import findings, witnesses
@@ -33,54 +35,6 @@ _REACHES: abc.Mapping[str, float] = {
 farthest of twelve persons, clusters and wands included)."""
 
 _TALLEST_M = 2.1  # chosen: of a person whose height is not known
-
-_SIZES = (
-    anthropometry.LandmarkSize(
-        ("LFE", "LM"), {"lateral_epicondyle_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.02
-    ),
-    anthropometry.LandmarkSize(("ELB", "WRA"), {"radiale_stylion": 1.0}, 0.0, 0.02),
-    anthropometry.LandmarkSize(("ELB", "WRB"), {"radiale_stylion": 1.0}, 0.0, 0.02),
-    anthropometry.LandmarkSize(("SHO", "ELB"), {"acromion_radiale": 1.0}, 0.0, 0.04),
-    anthropometry.LandmarkSize(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.012),
-    anthropometry.LandmarkSize(("LFE", "MFE"), {"knee_width": 1.0}, 0.016, 0.02),
-    anthropometry.LandmarkSize(("HEE", "MT5"), {"foot_length": 0.70}, 0.0, 0.02),
-    anthropometry.LandmarkSize(("ASIS", "PSIS"), {"stature": 0.115}, 0.0, 0.03),
-    anthropometry.LandmarkSize(
-        ("ASIS", "LFE"),
-        {"trochanterion_height": 1.0, "lateral_epicondyle_height": -1.0},
-        0.09,
-        0.05,
-        at_most=True,
-    ),
-    anthropometry.LandmarkSize(("HEE", "LM"), {"foot_length": 0.30}, 0.02, 0.02, at_most=True),
-    anthropometry.LandmarkSize(
-        ("ASIS", "SHO"), {"acromion_height": 1.0, "iliocristale_height": -1.0}, 0.12, 0.06, at_most=True
-    ),
-)
-"""Offsets and deviations: chosen: balls stand 8 mm off the skin, palpation 5 to 15 mm (Della Croce 2005),
-skin over moving joints up to 30 mm; the foot's markers lie over 0.66 to 0.79 of its length."""
-
-_ACROSS = (
-    anthropometry.LandmarkSize(("RASIS", "LASIS"), {"pelvis_width": 1.0}, 0.0, 0.025),
-    anthropometry.LandmarkSize(("RPSIS", "LPSIS"), {"pelvis_width": 0.4}, 0.0, 0.015),
-    anthropometry.LandmarkSize(("RSHO", "LSHO"), {"biacromial_breadth": 1.0}, 0.0, 0.05, at_most=True),
-)
-
-
-_STANDING = (
-    anthropometry.LandmarkSize(
-        ("C7", "LM"), {"cervicale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025
-    ),
-    anthropometry.LandmarkSize(
-        ("SHO", "LM"), {"acromion_height": 1.0, "lateral_malleolus_height": -1.0}, 0.01, 0.03
-    ),
-    anthropometry.LandmarkSize(
-        ("CLAV", "LM"), {"suprasternale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025
-    ),
-    anthropometry.LandmarkSize(("ASIS", "LM"), {"leg_length": 1.0}, 0.0, 0.025),
-)
-"""Heights over the ankles of somebody who stands upright, whose stature foretells them (deviations chosen: 15
-mm of slack in trunk and knees, and palpation)."""
 
 
 def ask_sizes(
@@ -141,6 +95,22 @@ class _Measured:
     at_most: bool
 
 
+@cache
+def _read_sizes() -> abc.Mapping[str, abc.Sequence[anthropometry.LandmarkSize]]:
+    """Sizes on either side, across the body, and of who stands upright."""
+    table = reference.read_reference(reference.find_reference_folder() / "landmark_sizes.yaml")
+    sizes = {
+        kind: [anthropometry.LandmarkSize(**{**row, "ends": tuple(row["ends"])}) for row in rows]
+        for kind, rows in table.items()
+    }
+    sides = (
+        replace(size, ends=(side + size.ends[0], side + size.ends[1]))
+        for size in sizes["sides"]
+        for side in "RL"
+    )
+    return sizes | {"sides": [*sides]}
+
+
 def _measure_sizes(
     trial: Trial, people: anthropometry.DimensionPrior, *, standing: bool
 ) -> abc.Iterator[_Measured]:
@@ -148,17 +118,15 @@ def _measure_sizes(
     where = {
         role: (label, trial.position(label)[::step]) for label, role in findings.list_roles(trial).items()
     }
-    sides = [
-        replace(size, ends=(side + size.ends[0], side + size.ends[1])) for size in _SIZES for side in "RL"
-    ]
-    for size in (*sides, *_ACROSS):
+    sizes = _read_sizes()
+    for size in (*sizes["sides"], *sizes["across"]):
         if all(end in where for end in size.ends):
             (a, one), (b, other) = (where[end] for end in size.ends)
             found = _compare(size, (a, b), np.linalg.norm(one - other, axis=1), people)
             if found is not None:
                 yield found
     if standing and _is_upright({role: at for role, (_, at) in where.items()}):
-        for size in _STANDING:
+        for size in sizes["standing"]:
             high, low = ([end] if end in where else [f"R{end}", f"L{end}"] for end in size.ends)
             if all(end in where for end in (*high, *low)):
                 heights = [np.mean([where[end][1][:, 1] for end in ends], axis=0) for ends in (high, low)]

@@ -16,6 +16,7 @@ from collections import abc
 from functools import lru_cache
 from html import escape
 from pathlib import Path
+from string import Template
 from typing import Any
 
 from pydantic import BaseModel
@@ -67,23 +68,16 @@ class Report:
             licences = f"<details><summary>{title}</summary><pre>{escape(licences)}</pre></details>"
         # Nothing from elsewhere, and only this script
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-        scripts = f"'sha256-{digest}'" if script else "'none'"
-        policy = (
-            f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
-            "base-uri 'none'; form-action 'none'"
-        )
-        return (
-            '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-            f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
-            '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f'<meta name="color-scheme" content="light dark"><title>{escape(self.summary.title)}</title>'
-            # plotly writes its styles into an element of this id, unless the element says not to
-            f'<style id="plotly.js-style-global" class="no-inline-styles">{style}</style></head><body>'
-            '<header><span class="brand">scaling-service</span><span class="push"></span></header>'
-            f'<main id="main">{self.summary.html()}{note}</main>'
-            f"<footer>scaling-service {escape(code_version())}, Apache-2.0. All numbers are in "
-            f"<code>{escape(self.name)}</code>, too."
-            f"{licences}</footer>{views}</body></html>\n"
+        return Template(Path(__file__).with_name("report.html").read_text(encoding="utf-8")).substitute(
+            scripts=f"'sha256-{digest}'" if script else "'none'",
+            title=escape(self.summary.title),
+            style=style,  # in an element that plotly would write its own styles into, unless it says not to
+            summary=self.summary.html(),
+            note=note,
+            version=escape(f"scaling-service {code_version()}"),
+            name=escape(self.name),
+            licences=licences,
+            views=views,
         )
 
     def write(self, folder: Path) -> None:

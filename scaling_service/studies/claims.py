@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typing
 from collections import abc
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib import resources
 from pathlib import Path
 
 from pydantic import Field
@@ -13,6 +14,7 @@ from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import count_cores
 from scaling_service.documents import base, writing
+from scaling_service.model.reference import read_reference
 from scaling_service.report import tables as report_tables
 from scaling_service.report.onefile import Report
 from scaling_service.report.summary import Summary
@@ -47,25 +49,31 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Claim(typing.Generic[Study]):
-    """One claim of a paper: the paper's own figures for it, and the question to our study that decides it."""
+class Claims(typing.Generic[Study]):
+    """The claims of a paper, and the question to our study, one for each by its name, that decides it.
 
-    where: str  # section, table or figure; "truth" or "beyond" where the paper could not tell
-    text: str
-    paper: str
-    ask: abc.Callable[[Study], Answer]
+    ``said``: of ``study.yaml``: ``notes`` (how the study is not the paper's) and ``claims`` (``where`` they
+    stand, "truth" or "beyond" where the paper could not tell; ``claim``; the ``paper``'s figures).
+    """
 
+    said: abc.Mapping[str, typing.Any]
+    questions: dict[str, abc.Callable[[Study], Answer]] = field(default_factory=dict)
 
-def claim(
-    claims: list[Claim[Study]], where: str, text: str, paper: str
-) -> abc.Callable[[abc.Callable[[Study], Answer]], abc.Callable[[Study], Answer]]:
-    """A decorator that adds a claim to those of a paper, decided by the question that follows."""
+    @classmethod
+    def read(cls, package: str) -> Claims[Study]:
+        """Those in a study's package, with no question yet."""
+        return cls(read_reference(resources.files(package) / "study.yaml"))
 
-    def add(ask: abc.Callable[[Study], Answer]) -> abc.Callable[[Study], Answer]:
-        claims.append(Claim(where, text, paper, ask))
+    def decide(self, ask: abc.Callable[[Study], Answer]) -> abc.Callable[[Study], Answer]:
+        """A decorator of the question that decides the claim of its name."""
+        self.questions[ask.__name__] = ask
         return ask
 
-    return add
+    def answer(self, study: Study) -> Study:
+        """The document with every claim's answer in it."""
+        answers = ((said, self.questions[name](study)) for name, said in self.said["claims"].items())
+        entries = [ClaimEntry(**said, holds=found.holds, ours=found.figures) for said, found in answers]
+        return study.model_copy(update={"claims": entries})
 
 
 class ClaimEntry(base.Part):
@@ -135,16 +143,6 @@ def study_persons(
         min(worker_count or count_cores(), subjects),
         lambda person, done: None if finished is None else finished(person.name, done, subjects),
     )
-
-
-def answer_claims(study: Study, claims: abc.Sequence[Claim[Study]]) -> Study:
-    """The document with every claim's answer in it."""
-    answers = [(claim, claim.ask(study)) for claim in claims]
-    entries = [
-        ClaimEntry(where=c.where, claim=c.text, paper=c.paper, holds=a.holds, ours=a.figures)
-        for c, a in answers
-    ]
-    return study.model_copy(update={"claims": entries})
 
 
 def save_study(document: StudyDocument, summary: Summary, folder: str | Path) -> tuple[str, ...]:

@@ -161,6 +161,7 @@ def make_environment() -> dict[str, str]:
     }
 
 
+@errors.name_file
 def read_osim(path: Path, marker_set: Path | None = None) -> body.BodyModel:
     """Read an OpenSim model of any version that OpenSim itself can upgrade.
 
@@ -194,9 +195,8 @@ def _read_version(path: Path) -> _Version:
     try:
         status = path.stat()
     except OSError as error:
-        raise errors.FileUnreadable(
-            f"cannot be opened ({error.strerror})", file=path, remedy="Check the path"
-        ) from error
+        problem = f"cannot be opened ({error.strerror})"
+        raise errors.FileUnreadable(problem, file=path, remedy="Check the path") from error
     return _Version(path, status.st_mtime_ns, status.st_size)
 
 
@@ -208,22 +208,22 @@ def _read(model: _Version, marker_set: _Version | None) -> body.BodyModel:
         "marker_set": str(marker_set.path.resolve()) if marker_set is not None else None,
     }
     try:
-        found = document.from_document(ask(request)["model"], file=model.path)
+        found = document.from_document(ask(request)["model"])
     except errors.FileUnreadable:
         # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
         root = parse_xml(model.path)
         if root.tag != "Model" and root.find("Model") is None:
-            raise _report_no_model(model.path) from None
+            raise _report_no_model() from None
         if marker_set is not None:
             parse_xml(marker_set.path)
         raise
     if not found.segments:
-        raise _report_no_model(model.path)
+        raise _report_no_model()
     return dataclasses.replace(found, source=str(model.path))
 
 
-def _report_no_model(path: Path) -> errors.FileUnreadable:
-    return errors.FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
+def _report_no_model() -> errors.FileUnreadable:
+    return errors.FileUnreadable("holds no OpenSim model", remedy="Give an .osim file")
 
 
 def render_osim(model: body.BodyModel, **how: Any) -> str:

@@ -25,9 +25,7 @@ _LENGTHS: abc.Mapping[str, tuple[str, ...]] = {
 
 def measure(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """Lengths and moment arms of all muscles in every frame; see ``muscles.measure_muscles``."""
-    file = Path("posed.osim")  # in the worker's own scratch directory
-    file.write_text(request["text"], encoding="utf-8")
-    osim = load(file)
+    osim = load_model(request)
     muscles = list_items(osim.getMuscles())
     paths = [find_path(muscle) for muscle in muscles]
     frames = len(next(iter(request["q"].values())))
@@ -105,7 +103,7 @@ class Posed:
 
 def list_points(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """Path points that are fixed in a body, and the surfaces of all bodies; see ``attachments``."""
-    osim = _load_model(request)
+    osim = load_model(request)
     points = [
         [muscle.getName(), number, *place_in_body(point.getParentFrame(), point.get_location())]
         for muscle, number, point in _list_fixed_points(osim)
@@ -135,7 +133,7 @@ def move_points(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     As OpenSim's scaling has it: by the ratio of the whole path's lengths in the default pose. A muscle whose
     length changes by more than ``most`` runs along another side of a wrap: its points go back.
     """
-    library, osim = import_opensim(), _load_model(request)
+    library, osim = import_opensim(), load_model(request)
     muscles = list_items(osim.getMuscles())
     kept = [[muscle, number, at] for muscle, number, _, at in list_points(request)["points"]]
     before = _measure_lengths(osim)
@@ -165,7 +163,7 @@ def move_points(request: abc.Mapping[str, Any]) -> dict[str, Any]:
 
 def set_lengths(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """The text of a model with other fibres and tendons; see ``muscles.set_parameters``."""
-    osim = _load_model(request)
+    osim = load_model(request)
     for name, (fibre, slack) in request["lengths"].items():
         muscle = osim.updMuscles().get(name)
         muscle.set_optimal_fiber_length(fibre)
@@ -185,8 +183,9 @@ def _set_points(osim: Any, points: abc.Iterable[abc.Sequence[Any]]) -> None:
             point.set_location(import_opensim().Vec3(*(rotation.T @ (at - origin))))
 
 
-def _load_model(request: abc.Mapping[str, Any]) -> Any:
-    file = Path("points.osim")  # in the worker's own scratch directory
+def load_model(request: abc.Mapping[str, Any]) -> Any:
+    """The model whose text a request holds."""
+    file = Path("asked.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
     return load(file)
 

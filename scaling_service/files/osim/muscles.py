@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from scaling_service.core.arrays import Array
 from scaling_service.files.mesh import Mesh, read_mesh
@@ -23,6 +24,10 @@ _FRAME_S = 0.1  # chosen: of time allowed for each frame; 80 muscles take 4 ms o
 _MOST_CHANGE = 0.25
 """Chosen: logarithm of a muscle's length over its length before, in the default pose, beyond which it has
 changed sides. Attachments move by a few cm, muscles are 50 to 500 mm long."""
+
+_MUSCLES = TypeAdapter(tuple[model_muscles.Muscle, ...])
+_SURFACES = TypeAdapter(tuple[model_muscles.WrapSurface, ...])
+_CONTACTS = TypeAdapter(tuple[tuple[tuple[model_muscles.Contact, ...], ...], ...])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,39 +90,12 @@ def read_musculature(osim: str, model: body.BodyModel, q: Array) -> model_muscle
     }
     answer = models.ask(request, time_limit_s=models.TIME_LIMIT_S + _FRAME_S * len(q))
     moving, names = from_document(answer["model"]), set(answer["movers"])
-    muscles = []
-    for each in answer["muscles"]:
-        points = tuple(
-            model_muscles.PathPoint(**point | {"at": body.to_vector(point["at"])}) for point in each["points"]
-        )
-        tuples = {name: tuple(each[name]) for name in ("surfaces", "passive")}
-        muscles.append(model_muscles.Muscle(**{**each, **tuples, "points": points}))
-    surfaces = []
-    for each in answer["surfaces"]:
-        x, y, z = map(body.to_vector, each["axes"])
-        side = None if each["side"] is None else body.to_vector(each["side"])
-        own = {"origin": body.to_vector(each["origin"]), "axes": (x, y, z), "sizes": tuple(each["sizes"])}
-        surfaces.append(model_muscles.WrapSurface(**{**each, **own, "side": side}))
-    places = ("first", "middle", "last")
     return model_muscles.Musculature(
-        muscles=tuple(muscles),
-        surfaces=tuple(surfaces),
+        muscles=_MUSCLES.validate_python(answer["muscles"]),
+        surfaces=_SURFACES.validate_python(answer["surfaces"]),
         movers=tuple(segment for segment in moving.segments if segment.name in names),
         q=q,
-        contacts=tuple(
-            tuple(
-                tuple(
-                    model_muscles.Contact(
-                        surface=surface,
-                        after=after,
-                        **dict(zip(places, map(body.to_vector, at), strict=True)),
-                    )
-                    for surface, after, *at in row
-                )
-                for row in pose
-            )
-            for pose in answer["contacts"]
-        ),
+        contacts=_CONTACTS.validate_python(answer["contacts"]),
     )
 
 

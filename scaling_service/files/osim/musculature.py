@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import abc
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim import chains, functions, muscle_paths
 from scaling_service.files.osim.constraints import substitute_all
 from scaling_service.files.osim.from_opensim import read_body_model
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
+from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
 from scaling_service.model import body as bodies
 from scaling_service.model import muscles as model_muscles
 from scaling_service.model.document import to_document
@@ -39,9 +38,7 @@ _STEPS = 25  # of the passive fibre's curve; chosen: it is smooth
 
 def describe(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     """Muscles of a model and the surfaces they touch; see ``muscles.read_musculature``."""
-    file = Path("described.osim")  # in the worker's own scratch directory
-    file.write_text(request["text"], encoding="utf-8")
-    osim = load(file)
+    osim = muscle_paths.load_model(request)
     own, model = list_items(osim.getMuscles()), read_body_model(osim)
     paths = [muscle_paths.find_path(muscle) for muscle in own]
     movers = tuple(_list_movers(osim, own, model))
@@ -52,7 +49,7 @@ def describe(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     ]
     muscles = [asdict(_read_muscle(muscle, path)) for muscle, path in zip(own, paths, strict=True)]
     moving = replace(model, segments=(*model.segments, *movers), markers=(), constraints=())
-    contacts: list[list[list[Any]]] = []
+    contacts: list[list[list[dict[str, Any]]]] = []
     if any(muscle["surfaces"] for muscle in muscles):
         posed = muscle_paths.Posed(osim, request["q"])
         for frame in range(len(next(iter(request["q"].values())))):
@@ -179,10 +176,8 @@ def _read_point(point: Any, name: str) -> model_muscles.PathPoint:
     )
 
 
-def _list_contacts(
-    path: Any, state: Any
-) -> abc.Iterator[tuple[str, int, bodies.Vector, bodies.Vector, bodies.Vector]]:
-    """Surface, number of the path point before it, and first, middle and last touch of each contact."""
+def _list_contacts(path: Any, state: Any) -> abc.Iterator[dict[str, Any]]:
+    """The fields of each contact, in the order of the path."""
     library = import_opensim()
     names = {point.getName(): k for k, point in enumerate(list_items(path.getPathPointSet()))}
     current, number = path.getCurrentPath(state), 0
@@ -200,5 +195,6 @@ def _list_contacts(
         along = touch.getWrapPath(state)
         half = along.size() // 2
         middle = bodies.to_vector(list_numbers(along.get(half))) if along.size() else at
-        yield touch.getWrapObject().getName(), number, entered, middle, at
+        touched = {"surface": touch.getWrapObject().getName(), "after": number}
+        yield touched | {"first": entered, "middle": middle, "last": at}
         entered = None

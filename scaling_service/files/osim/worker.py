@@ -35,20 +35,12 @@ def _read(request: dict[str, Any]) -> dict[str, Any]:
     return {"model": document.to_document(model)}
 
 
-def _write(request: dict[str, Any]) -> dict[str, Any]:
-    return {"text": write(document.from_document(request["model"]), request)}
-
-
-def _answer_several(request: dict[str, Any]) -> dict[str, Any]:
-    return {"answers": [answer(each) for each in request["requests"]]}
-
-
 def answer(request: dict[str, Any]) -> dict[str, Any]:
     """Carry out a request; an error a user can act on becomes part of the answer."""
     operations: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "read": _read,
-        "write": _write,
-        "several": _answer_several,
+        "write": lambda asked: {"text": write(document.from_document(asked["model"]), asked)},
+        "several": lambda asked: {"answers": [answer(each) for each in asked["requests"]]},
         "muscles": muscle_paths.measure,
         "musculature": describe,
         "attachments": muscle_paths.list_points,

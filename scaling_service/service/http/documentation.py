@@ -7,6 +7,8 @@ import json
 import re
 from collections import abc
 from html import escape
+from pathlib import Path
+from string import Template
 from typing import Any
 
 import fastapi
@@ -20,13 +22,6 @@ from scaling_service.service.jobs.kinds import Kind
 
 router = fastapi.APIRouter(include_in_schema=False)
 
-_STYLE = """
-:root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 20%, transparent); }
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-h2 { margin-top: 2.5rem; } h3 { border-top: 1px solid var(--line); padding-top: .75rem; }
-code, pre { font: 14px/1.45 ui-monospace, monospace; }
-pre { overflow-x: auto; border: 1px solid var(--line); border-radius: 6px; padding: .75rem; }
-"""
 _POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
@@ -134,12 +129,9 @@ async def docs(request: fastapi.Request) -> HTMLResponse:
 
 def render(document: abc.Mapping[str, Any], server: str) -> str:
     """The page of an OpenAPI document; its examples go to the server."""
-    title = escape(document["info"]["title"])
-    return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style>'
-        f"{MarkdownIt('commonmark').render(describe(document, server))}</html>"
-    )
+    content = MarkdownIt("commonmark").render(describe(document, server))
+    page = Template(Path(__file__).with_name("docs.html").read_text(encoding="utf-8"))
+    return page.substitute(title=escape(document["info"]["title"]), content=content)
 
 
 def describe(document: abc.Mapping[str, Any], server: str) -> str:

@@ -21,7 +21,7 @@ from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.subjects import as_datetime
 from scaling_service.service.jobs.example import MOST, Examples
-from scaling_service.service.store.tables import MarkerMapRow
+from scaling_service.service.store.tables import WrittenRow
 from scaling_service.virtual import example
 
 router = fastapi.APIRouter(prefix="/v1", tags=["subjects"])
@@ -84,7 +84,7 @@ async def put_marker_map(
     return _make_document(await bodies.in_writer_thread(service.put_marker_map, owner, given.labels))
 
 
-def _make_document(row: MarkerMapRow | None) -> contracts.MarkerMapDocument:
+def _make_document(row: WrittenRow | None) -> contracts.MarkerMapDocument:
     if row is None:
         return contracts.MarkerMapDocument(labels={}, updated_at=None)
     return contracts.MarkerMapDocument(
@@ -122,12 +122,7 @@ def list_vocabulary() -> contracts.Vocabulary:
     return contracts.Vocabulary(
         models=models,
         methods=[
-            contracts.MethodWord(
-                name=name,
-                meaning=m.title,
-                starts_from=m.needs,
-                needs_images=m.needs_images,
-            )
+            contracts.MethodWord(name=name, meaning=m.title, starts_from=m.needs, needs_images=m.needs_images)
             for name, m in METHODS.items()
         ],
         bones=list(BONES),

@@ -42,11 +42,7 @@ _MEDIA_TYPES = {
 
 _BUNDLE = Path(__file__).parents[1] / "page" / "built"
 _MOST_PARTS = 128  # kept in memory. Chosen: more than a page has.
-_WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scaling-service</title>
-<meta name="viewport" content="width=device-width"><h1>scaling-service</h1>
-<p>The service runs. This installation was built without the web page; install the package again without
-<code>SCALING_SERVICE_WITHOUT_PAGE</code> to have it.</p>
-<p>Everything can be asked for over HTTP: <a href="/docs">routes and examples</a>.</p></html>"""
+_WITHOUT = Path(__file__).with_name("without.html")  # shown where the page was not built
 
 
 @router.api_route("/", methods=["GET", "HEAD"], response_class=HTMLResponse)
@@ -55,7 +51,7 @@ def index(request: fastapi.Request) -> fastapi.Response:
     found = _send_file(
         request, "index.html", {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY}
     )
-    return found or HTMLResponse(_WITHOUT, headers={"Cache-Control": "no-cache"})
+    return found or HTMLResponse(_WITHOUT.read_bytes(), headers={"Cache-Control": "no-cache"})
 
 
 @router.api_route("/assets/{name}", methods=["GET", "HEAD"])

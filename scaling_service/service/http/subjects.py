@@ -130,7 +130,7 @@ async def put_note(
     return _make_note(row)
 
 
-def _make_note(row: tables.NoteRow | None) -> contracts.SubjectNoteDocument:
+def _make_note(row: tables.WrittenRow | None) -> contracts.SubjectNoteDocument:
     if row is None:
         return contracts.SubjectNoteDocument(text="", updated_at=None)
     return contracts.SubjectNoteDocument(**json.loads(row.document), updated_at=as_datetime(row.updated_us))

@@ -103,11 +103,11 @@ class Service:
                 self._database, self.store.blobs, owner, _require_known_name(subject, "subject")
             )
 
-    def note(self, owner: str, subject: str) -> tables.NoteRow | None:
+    def note(self, owner: str, subject: str) -> tables.WrittenRow | None:
         """What was written about a subject's results; None where nothing was."""
         return subjects.read_note(self._database, owner, self.subject(owner, subject).id)
 
-    def put_note(self, owner: str, subject: str, document: abc.Mapping[str, Any]) -> tables.NoteRow | None:
+    def put_note(self, owner: str, subject: str, document: abc.Mapping[str, Any]) -> tables.WrittenRow | None:
         """Keep what is written about a subject's results, in place of what was."""
         self.require_room()
         text = submission.write_canonical(dict(document))
@@ -142,11 +142,11 @@ class Service:
 
     # The laboratory
 
-    def marker_map(self, owner: str) -> tables.MarkerMapRow | None:
+    def marker_map(self, owner: str) -> tables.WrittenRow | None:
         """Which label is which marker in an owner's laboratory; None where that was never said."""
         return subjects.read_marker_map(self._database, owner)
 
-    def put_marker_map(self, owner: str, labels: abc.Mapping[str, str]) -> tables.MarkerMapRow | None:
+    def put_marker_map(self, owner: str, labels: abc.Mapping[str, str]) -> tables.WrittenRow | None:
         """Keep which label is which marker, in place of what was said before."""
         self.require_room()
         subjects.put_marker_map(self._database, owner, submission.write_canonical(dict(labels)))

@@ -17,7 +17,7 @@ from scaling_service.service.store import database as db
 from scaling_service.service.store import errors, parts, tables
 from scaling_service.service.store.blobs import Blobs, remove_unreferenced
 from scaling_service.service.store.jobs import report_no_job
-from scaling_service.service.store.subjects import report_no_subject
+from scaling_service.service.store.subjects import is_subject, list_files_in, report_no_subject
 
 _AT_ONCE = 200  # jobs deleted in one transaction. Chosen: others wait for some ms only.
 _DAY_S = 86_400
@@ -145,16 +145,13 @@ def remove_traces(database: db.Database) -> bool:
 
 def _delete_subject(connection: sa.Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
     """The jobs that went with it, and the contents that nothing of it refers to any more."""
-    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
+    mine = is_subject(owner, identity)
     if connection.scalar(sa.select(tables.subjects.c.id).where(mine).with_for_update()) is None:
         raise report_no_subject(identity)
     resting = (tables.job_subjects.c.owner == owner) & (tables.job_subjects.c.subject == identity)
     found = list(connection.scalars(sa.select(tables.job_subjects.c.job).where(resting)))
     gone, digests = _delete_jobs(connection, found)
-    held: sa.ColumnElement[bool] = (tables.subject_files.c.owner == owner) & (
-        tables.subject_files.c.subject == identity
-    )
-    digests += connection.scalars(sa.select(tables.subject_files.c.sha256).where(held))
+    digests += (file.sha256 for file in list_files_in(connection, owner, identity))
     connection.execute(sa.delete(tables.subjects).where(mine))
     return gone, digests
 

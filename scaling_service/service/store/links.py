@@ -29,7 +29,7 @@ def issue(database: db.Database, owner: str, path: str, lifetime_s: int) -> tupl
     with database.write() as connection:
         ensure_owner(connection, owner)
         connection.execute(sa.delete(links).where(links.c.until_us < db.NowUs()))
-        if (connection.scalar(sa.select(sa.func.count()).select_from(links).where(mine)) or 0) >= MOST:
+        if (connection.scalar(sa.select(sa.func.count()).where(mine)) or 0) >= MOST:
             raise TooManyLinks(
                 f"{MOST:,} links are open, which is the most",
                 remedy="Wait until some end, or end all of them",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 
 import sqlalchemy as sa
@@ -16,6 +17,11 @@ from scaling_service.service.store.keys import ensure_owner
 _SHOWN = tuple(tables.subjects.c[name] for name in tables.SubjectRow.__dataclass_fields__)
 
 
+def is_subject(owner: str, identity: str) -> sa.ColumnElement[bool]:
+    """Whether a subject's row is the one of this owner and name."""
+    return sa.and_(tables.subjects.c.owner == owner, tables.subjects.c.id == identity)
+
+
 def put(
     database: db.Database, owner: str, identity: str, document: str, *, most: int | None = None
 ) -> tuple[tables.SubjectRow, bool]:
@@ -23,21 +29,16 @@ def put(
 
     InputError is raised where it is new, and the owner has ``most`` already.
     """
-    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
     with database.write() as connection:
         ensure_owner(connection, owner)
         changed = connection.execute(
             sa.update(tables.subjects)
-            .where(mine)
+            .where(is_subject(owner, identity))
             .values(document=document, updated_us=db.NowUs(), revision=tables.subjects.c.revision + 1)
         )
         new = changed.rowcount == 0
         if new:
-            own = (
-                sa.select(sa.func.count())
-                .select_from(tables.subjects)
-                .where(tables.subjects.c.owner == owner)
-            )
+            own = sa.select(sa.func.count()).where(tables.subjects.c.owner == owner)
             if most is not None and (connection.scalar(own) or 0) >= most:
                 raise InputError(
                     f"there are {most:,} subjects, which is the most",
@@ -49,14 +50,15 @@ def put(
                     owner=owner, id=identity, document=document, created_us=db.NowUs(), updated_us=db.NowUs()
                 )
             )
-        return tables.SubjectRow(**connection.execute(sa.select(*_SHOWN).where(mine)).mappings().one()), new
+        made = connection.execute(sa.select(*_SHOWN).where(is_subject(owner, identity))).mappings().one()
+        return tables.SubjectRow(**made), new
 
 
 def get(database: db.Database, owner: str, identity: str) -> tables.SubjectRow:
     """One subject; NotFound where this owner has none of that name."""
-    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
     with database.read() as connection:
-        found = connection.execute(sa.select(*_SHOWN).where(mine)).mappings().one_or_none()
+        wanted = sa.select(*_SHOWN).where(is_subject(owner, identity))
+        found = connection.execute(wanted).mappings().one_or_none()
     if found is None:
         raise report_no_subject(identity)
     return tables.SubjectRow(**found)
@@ -70,8 +72,7 @@ def read_document(database: db.Database, owner: str, identity: str) -> str:
 
 def read_document_in(connection: sa.Connection, owner: str, identity: str) -> str:
     """:func:`read_document` within a transaction."""
-    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
-    found = connection.scalar(sa.select(tables.subjects.c.document).where(mine))
+    found = connection.scalar(sa.select(tables.subjects.c.document).where(is_subject(owner, identity)))
     if found is None:
         raise report_no_subject(identity)
     return str(found)
@@ -112,9 +113,7 @@ def attach(
             .where(mine, tables.subject_files.c.name == name)
             .returning(tables.subject_files.c.sha256)
         ).all()
-        if (
-            connection.scalar(sa.select(sa.func.count()).select_from(tables.subject_files).where(mine)) or 0
-        ) >= most:
+        if (connection.scalar(sa.select(sa.func.count()).where(mine)) or 0) >= most:
             raise InputError(
                 f"subject '{identity}' has {most} files already, which is the most",
                 field="name",
@@ -123,12 +122,7 @@ def attach(
         store_blobs.keep(connection, blobs, [content])
         connection.execute(
             sa.insert(tables.subject_files).values(
-                owner=owner,
-                subject=identity,
-                name=name,
-                sha256=row.sha256,
-                size=row.size,
-                updated_us=db.NowUs(),
+                **dataclasses.asdict(row), owner=owner, subject=identity, updated_us=db.NowUs()
             )
         )
     store_blobs.remove_unreferenced(database, blobs, set(replaced) - {row.sha256})
@@ -179,49 +173,45 @@ def _touch(connection: sa.Connection, owner: str, identity: str) -> None:
     """Lock the subject's row and note the change."""
     done = connection.execute(
         sa.update(tables.subjects)
-        .where(tables.subjects.c.owner == owner, tables.subjects.c.id == identity)
+        .where(is_subject(owner, identity))
         .values(updated_us=db.NowUs(), revision=tables.subjects.c.revision + 1)
     )
     if done.rowcount == 0:
         raise report_no_subject(identity)
 
 
-def read_marker_map(database: db.Database, owner: str) -> tables.MarkerMapRow | None:
+def read_marker_map(database: db.Database, owner: str) -> tables.WrittenRow | None:
     """Which label is which marker in an owner's laboratory; None where that was never said."""
-    wanted = sa.select(tables.marker_maps.c.document, tables.marker_maps.c.updated_us).where(
-        tables.marker_maps.c.owner == owner
-    )
-    with database.read() as connection:
-        found = connection.execute(wanted).one_or_none()
-    return None if found is None else tables.MarkerMapRow(*found)
+    return _read_written(database, tables.marker_maps, owner=owner)
 
 
 def put_marker_map(database: db.Database, owner: str, document: str) -> None:
     """Keep an owner's map, as JSON, in place of the one before."""
-    kept = {"document": document, "updated_us": db.NowUs()}
     with database.write() as connection:
         ensure_owner(connection, owner)
-        made = db.insert_for(connection)(tables.marker_maps).values({"owner": owner} | kept)
-        connection.execute(made.on_conflict_do_update(index_elements=[tables.marker_maps.c.owner], set_=kept))
+        _put_written(connection, tables.marker_maps, document, owner=owner)
 
 
-def read_note(database: db.Database, owner: str, identity: str) -> tables.NoteRow | None:
+def read_note(database: db.Database, owner: str, identity: str) -> tables.WrittenRow | None:
     """What was written about a subject; None where nothing was."""
-    wanted = sa.select(tables.notes.c.document, tables.notes.c.updated_us).where(
-        tables.notes.c.owner == owner, tables.notes.c.subject == identity
-    )
-    with database.read() as connection:
-        found = connection.execute(wanted).one_or_none()
-    return None if found is None else tables.NoteRow(*found)
+    return _read_written(database, tables.notes, owner=owner, subject=identity)
 
 
 def put_note(database: db.Database, owner: str, identity: str, document: str) -> None:
     """Keep what is written about a subject, as JSON, in place of what was; NotFound without the subject."""
-    kept = {"document": document, "updated_us": db.NowUs()}
-    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
     with database.write() as connection:
-        if connection.scalar(sa.select(tables.subjects.c.id).where(mine)) is None:
-            raise report_no_subject(identity)
-        made = db.insert_for(connection)(tables.notes).values({"owner": owner, "subject": identity} | kept)
-        keys = [tables.notes.c.owner, tables.notes.c.subject]
-        connection.execute(made.on_conflict_do_update(index_elements=keys, set_=kept))
+        read_document_in(connection, owner, identity)
+        _put_written(connection, tables.notes, document, owner=owner, subject=identity)
+
+
+def _read_written(database: db.Database, table: sa.Table, **keys: str) -> tables.WrittenRow | None:
+    wanted = sa.select(table.c.document, table.c.updated_us).filter_by(**keys)
+    with database.read() as connection:
+        found = connection.execute(wanted).one_or_none()
+    return None if found is None else tables.WrittenRow(*found)
+
+
+def _put_written(connection: sa.Connection, table: sa.Table, document: str, **keys: str) -> None:
+    kept = {"document": document, "updated_us": db.NowUs()}
+    made = db.insert_for(connection)(table).values(keys | kept)
+    connection.execute(made.on_conflict_do_update(index_elements=list(table.primary_key), set_=kept))

@@ -154,24 +154,22 @@ job_subjects = sa.Table(
 )
 """Whose data a job rests on: deleted with any of them."""
 
-job_inputs = sa.Table(
-    "job_inputs",
-    metadata,
-    sa.Column("job", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    sa.Column("path", sa.String(512), primary_key=True),
-    sa.Column("sha256", sa.ForeignKey("blobs.sha256"), nullable=False, index=True),
-    sa.Column("size", sa.BigInteger, nullable=False),
-)
+
+def _list_job_files(name: str) -> sa.Table:
+    return sa.Table(
+        name,
+        metadata,
+        sa.Column("job", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+        sa.Column("path", sa.String(512), primary_key=True),
+        sa.Column("sha256", sa.ForeignKey("blobs.sha256"), nullable=False, index=True),
+        sa.Column("size", sa.BigInteger, nullable=False),
+    )
+
+
+job_inputs = _list_job_files("job_inputs")
 """The content that a job was asked to work on, kept even when the subject's file is replaced."""
 
-job_files = sa.Table(
-    "job_files",
-    metadata,
-    sa.Column("job", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    sa.Column("path", sa.String(512), primary_key=True),
-    sa.Column("sha256", sa.ForeignKey("blobs.sha256"), nullable=False, index=True),
-    sa.Column("size", sa.BigInteger, nullable=False),
-)
+job_files = _list_job_files("job_files")
 """What a job made."""
 
 job_parts = sa.Table(
@@ -212,16 +210,8 @@ class SubjectRow:
 
 
 @dataclass(frozen=True, slots=True)
-class MarkerMapRow:
-    """An owner's map of labels, as JSON."""
-
-    document: str
-    updated_us: int
-
-
-@dataclass(frozen=True, slots=True)
-class NoteRow:
-    """A subject's note, as JSON."""
+class WrittenRow:
+    """What people wrote, as JSON: an owner's map of labels, or a subject's note."""
 
     document: str
     updated_us: int

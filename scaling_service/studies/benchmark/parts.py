@@ -77,13 +77,9 @@ class Task:
     name: str
     title: str
     truth: str
-    needs: tuple[str, ...] = ()
+    needs: abc.Sequence[str] = ()
     metrics: tuple[Metric, ...]
     cases: abc.Callable[[Path, Path, int], abc.Sequence[Case]]
-
-
-HELD = Metric(key="held", title="95 % intervals hold, %", digits=0)
-WRONG = Metric(key="wrong", title="wrong, %", digits=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 import scipy
@@ -22,10 +21,7 @@ WITHIN = 1.2
 """Held out over fitted that counts as alike (chosen: 20 %)."""
 
 
-CLAIMS: list[claims.Claim[documents.FutamureDocument]] = []
-"""In the order of the paper's results, then what only truth tells."""
-
-_claim = partial(claims.claim, CLAIMS)
+CLAIMS: claims.Claims[documents.FutamureDocument] = claims.Claims.read(__package__)
 
 
 def assess_less(first: Array, second: Array) -> float:
@@ -56,13 +52,13 @@ def _describe_errors(values: Array | list[float], digits: int = 1) -> str:
     return ", ".join(f"{v:.{digits}f}" for v in np.atleast_1d(values))
 
 
-@_claim("table 2", "The ground wrench is tracked within 3 N, 4 N and 3 N m", "3, 4, 3 (SD 0)")
+@CLAIMS.decide
 def as_low(study: documents.FutamureDocument) -> claims.Answer:
     mean = _list_wrenches(study, "consistent").mean(axis=0)
     return claims.Answer(bool((mean <= PAPER["consistent"]).all()), f"{_describe_errors(mean)} N, N, N m")
 
 
-@_claim("V", "The classical method misses it by two to five times as much", "7, 8, 8 (SD 2, 2, 3)")
+@CLAIMS.decide
 def lower(study: documents.FutamureDocument) -> claims.Answer:
     classical, ours = _list_wrenches(study, "classical"), _list_wrenches(study, "consistent")
     ratio = classical.mean(axis=0) / ours.mean(axis=0)
@@ -80,7 +76,7 @@ def _compare_tested(figures: str, p: Sequence[float], holds: bool = True) -> cla
     return claims.Answer(holds and max(p) < LEVEL, figures)
 
 
-@_claim("V", "The classical method follows the markers better", "4-7 against 14-17 mm")
+@CLAIMS.decide
 def markers(study: documents.FutamureDocument) -> claims.Answer:
     classical, ours = (
         np.array([found.marker_rms_mm for found in _list_recordings(study, way)])
@@ -92,7 +88,7 @@ def markers(study: documents.FutamureDocument) -> claims.Answer:
     )
 
 
-@_claim("IV", "The knee's and thigh's markers are missed most", "17.2 ± 9.8 mm")
+@CLAIMS.decide
 def knee(study: documents.FutamureDocument) -> claims.Answer:
     names = list(study.persons[0].marker_rms_mm)
     mean = np.mean([[person.marker_rms_mm[name][1] for name in names] for person in study.persons], axis=0)
@@ -101,7 +97,7 @@ def knee(study: documents.FutamureDocument) -> claims.Answer:
     return claims.Answer(names[int(order[0])] in ("KNE", "THI"), figures)
 
 
-@_claim("III", "Two loops suffice", "two")
+@CLAIMS.decide
 def loops(study: documents.FutamureDocument) -> claims.Answer:
     loops, settled = ([getattr(p, name) for p in study.persons] for name in ("loops", "converged"))
     return claims.Answer(
@@ -110,7 +106,7 @@ def loops(study: documents.FutamureDocument) -> claims.Answer:
     )
 
 
-@_claim("abstract", "Joint angles are nearer the truth than the classical ones", "no truth was known")
+@CLAIMS.decide
 def angles(study: documents.FutamureDocument) -> claims.Answer:
     classical, ours = (_average_angle_errors(study, way) for way in ("classical", "consistent"))
     held = [_average_angle_errors(study, way, held_out=True) for way in ("classical", "consistent")]
@@ -123,7 +119,7 @@ def angles(study: documents.FutamureDocument) -> claims.Answer:
     return _compare_tested(figures, p)
 
 
-@_claim("abstract", "Inertial parameters are nearer the truth than the table's", "no truth was known")
+@CLAIMS.decide
 def inertia(study: documents.FutamureDocument) -> claims.Answer:
     before, after = np.moveaxis(np.array([p.inertia_distance for p in study.persons]), 1, 0)
     whole = [np.sqrt((x**2).mean(axis=1)) for x in (before, after)]
@@ -137,7 +133,7 @@ def inertia(study: documents.FutamureDocument) -> claims.Answer:
     return _compare_tested(figures, [p])
 
 
-@_claim("beyond", "A held-out recording is followed as well as the fitted one", "not asked")
+@CLAIMS.decide
 def held_out(study: documents.FutamureDocument) -> claims.Answer:
     fitted, held = (_list_wrenches(study, "consistent", held_out=h).mean(axis=0) for h in (False, True))
     ratio = held / fitted
@@ -147,7 +143,7 @@ def held_out(study: documents.FutamureDocument) -> claims.Answer:
     )
 
 
-@_claim("beyond", "From its markers alone it is predicted better than with the table", "not asked")
+@CLAIMS.decide
 def predicted(study: documents.FutamureDocument) -> claims.Answer:
     fitted, held = (_list_wrenches(study, "predicted", held_out=h) for h in (False, True))
     classical = _list_wrenches(study, "classical", held_out=True)
@@ -160,7 +156,7 @@ def predicted(study: documents.FutamureDocument) -> claims.Answer:
     return _compare_tested(figures, p, bool((ratio <= WITHIN).all()))
 
 
-@_claim("beyond", "A person takes at most 20 s", "not told")
+@CLAIMS.decide
 def quick(study: documents.FutamureDocument) -> claims.Answer:
     slowest = max(person.seconds for person in study.persons)
     return claims.Answer(

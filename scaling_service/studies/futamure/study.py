@@ -34,11 +34,6 @@ from scaling_service.studies.futamure import result as documents
 from scaling_service.studies.futamure import squatters
 from scaling_service.studies.futamure.claims import CLAIMS
 
-SOURCE = (
-    "Futamure S., Bonnet V., Dumas R., Kulić D., Venture G.: Dynamically consistent inverse kinematics "
-    "framework using optimizations for human motion analysis"
-)
-
 TABLE = "winter2009"
 """What everybody's inertia is taken to be at first."""
 
@@ -47,20 +42,6 @@ PLACED_M = 0.007
 
 SAGITTAL_ROWS = (0, 1, 5)
 """fx, fy, mz of the six components."""
-
-DIFFERENCES = (
-    "The persons are virtual: lengths, inertia, markers' places and skin movement are drawn from the "
-    "literature's scatter, and the analysis starts from another inertial table than they are drawn about.",
-    "The classical two steps: the planar model scaled by its standing, all markers put where the standing "
-    "person shows them, Winter's inertia with the mass that the plate bears, inverse kinematics with equal "
-    f"weights, a zero-phase Butterworth filter of order {ORDER} at {DYNAMICS_CUTOFF_HZ:g} Hz on angles and "
-    "forces, derivatives of a quintic spline. The paper names no filter.",
-    "Beyond the paper: the artefact that follows the joints, and what is uncertain about the inertia, are "
-    "found together with the motion, and geometry is held by a prior beside the paper's bounds. The paper's "
-    "own loop, which has neither, is not done here.",
-    "The paper's text gives 12 N, 12 N and 14 N m for the classical method in one person, its table 7, 8, 8.",
-)
-"""How this study is not the paper's, in plain English."""
 
 _MM = 1e3
 
@@ -200,7 +181,7 @@ def reproduce_futamure(
     clock, count = time.perf_counter(), squatters.SUBJECTS if subjects is None else subjects
     real = [_study_real(Path(file)) for file in recordings]
     document = documents.FutamureDocument(
-        source=SOURCE,
+        source=CLAIMS.said["source"],
         code_version=code_version(),
         settings=dataclasses.asdict(ConsistentSettings()),
         seed=seed,
@@ -208,10 +189,10 @@ def reproduce_futamure(
             study_squatter, seed, count, worker_count=worker_count, finished=finished
         ),
         recordings=real,
-        notes=list(DIFFERENCES),
+        notes=[note.format(order=ORDER, cutoff_hz=DYNAMICS_CUTOFF_HZ) for note in CLAIMS.said["notes"]],
         wall_s=round(time.perf_counter() - clock, 3),
     )
-    return claims.answer_claims(document, CLAIMS)
+    return CLAIMS.answer(document)
 
 
 def _study_real(file: Path) -> documents.RealEntry:

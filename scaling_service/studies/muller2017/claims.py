@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 
 import numpy as np
 import scipy
@@ -42,10 +41,7 @@ ROUGH = 0.10
 scatter by about 3 %)."""
 
 
-CLAIMS: list[claims.Claim[Muller2017Document]] = []
-"""In the order of the paper's results, then what only truth tells."""
-
-_claim = partial(claims.claim, CLAIMS)
+CLAIMS: claims.Claims[Muller2017Document] = claims.Claims.read(__package__)
 
 
 def _of(study: Muller2017Document, name: str) -> Array:
@@ -68,14 +64,14 @@ def _assess_positive(difference: Array) -> float:
     return float(scipy.stats.wilcoxon(difference, alternative="greater").pvalue)
 
 
-@_claim("3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999")
+@CLAIMS.decide
 def linear(study: Muller2017Document) -> claims.Answer:
     r2, centred = _of(study, "r2"), _of(study, "r2_centred")
     said = f"R2 {r2.min():.3f} to {r2.max():.3f}; about the mean {centred.min():.3f} to {centred.max():.3f}"
     return claims.Answer(bool(r2.min() >= LEAST_R2), said)
 
 
-@_claim("figure 8", "Slopes are consistent between persons", "boxes about a third wide")
+@CLAIMS.decide
 def consistent(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm")
     if len(slopes) < 3:
@@ -87,7 +83,7 @@ def consistent(study: Muller2017Document) -> claims.Answer:
     )
 
 
-@_claim("figure 8", "Vertical force and moment are least uncertain", "stated in words")
+@CLAIMS.decide
 def least_vertical(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm")
     smaller = [
@@ -105,7 +101,7 @@ def _is_significant(p: float, study: Muller2017Document) -> bool | None:
     return None if len(study.persons) < 5 else p < ALPHA
 
 
-@_claim("3.1", "Both horizontal directions are alike", "same order of magnitude")
+@CLAIMS.decide
 def horizontals_alike(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm").mean(axis=0)
     ratios = [slopes[a] / slopes[b] for a, b in HORIZONTAL]
@@ -113,14 +109,14 @@ def horizontals_alike(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(holds, f"fx over fz {ratios[0]:.2f}, mx over mz {ratios[1]:.2f}")
 
 
-@_claim("3.2", "The plates' noise is negligible", "5 orders of magnitude lower, about 1e-6")
+@CLAIMS.decide
 def plates_negligible(study: Muller2017Document) -> claims.Answer:
     orders = np.log10(_of(study, "kinematic") / _of(study, "plate"))
     said = f"{orders.min():.1f} to {orders.max():.1f} orders; plates {_of(study, 'plate').max():.1e} at most"
     return claims.Answer(bool(orders.min() >= ORDERS), said)
 
 
-@_claim("3.3, H1", "A table's inertia is acceptable", "forces 2 ± 0.6 %, moments 1.3 ± 0.7 %")
+@CLAIMS.decide
 def table_acceptable(study: Muller2017Document) -> claims.Answer:
     dr = 100 * _of(study, "dr")
     force, moment = dr[:, :3].mean(axis=1), dr[:, 3:].mean(axis=1)
@@ -132,11 +128,7 @@ def table_acceptable(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(holds, said)
 
 
-@_claim(
-    "3.3",
-    "Uncertainties exceed residuals, except for the vertical moment",
-    "all components of 10 persons but that one",
-)
+@CLAIMS.decide
 def uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
     above = _of(study, "total") > _of(study, "dr")
     but_vertical = np.delete(above, VERTICAL[1], axis=1)
@@ -147,7 +139,7 @@ def uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
     )
 
 
-@_claim("3.3, H2", "Residuals cannot calibrate inertia", "refuted for all 10 persons")
+@CLAIMS.decide
 def calibration_refused(study: Muller2017Document) -> claims.Answer:
     supported = _list_flags(study, "calibration_supported")
     every, some = supported.all(axis=1), supported.any(axis=1)
@@ -156,11 +148,7 @@ def calibration_refused(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(not every.any(), f"calibration supported {said}")
 
 
-@_claim(
-    "truth",
-    "Where calibration is refused, the measurement's true error is larger than inertia's",
-    "cannot be known",
-)
+@CLAIMS.decide
 def refusal_is_right(study: Muller2017Document) -> claims.Answer:
     refused, blamed = ~_list_flags(study, "calibration_supported"), _list_flags(study, "blamed")
     wrong = refused & blamed
@@ -169,7 +157,7 @@ def refusal_is_right(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(not wrong.any(), said + (f"; inertia is the larger part in {by}" if by else ""))
 
 
-@_claim("truth", "The stated uncertainty covers the true error of the residual", "cannot be known")
+@CLAIMS.decide
 def covers(study: Muller2017Document) -> claims.Answer:
     true, total = _of(study, "true_measurement_error"), _of(study, "total")
     covered = true <= total
@@ -180,11 +168,7 @@ def covers(study: Muller2017Document) -> claims.Answer:
     )
 
 
-@_claim(
-    "truth",
-    f"Intervals of {INTERVAL} SD by the markers' errors hold {100 * NOMINAL:.0f} % of the true errors",
-    "proposed as future work",
-)
+@CLAIMS.decide
 def markers_cover(study: Muller2017Document) -> claims.Answer:
     mean = _of(study, "coverage").mean(axis=0)
     ratio = np.median(_of(study, "markers_sd") / _of(study, "true_measurement_error"), axis=0)
@@ -195,7 +179,7 @@ def markers_cover(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(bool(mean.min() >= NOMINAL), said)
 
 
-@_claim("beyond", "Linear propagation gives the sampled slopes", "not in the paper")
+@CLAIMS.decide
 def linear_agrees(study: Muller2017Document) -> claims.Answer:
     ratio = _of(study, "linear_slopes_per_cm") / _of(study, "slopes_per_cm")
     return claims.Answer(
@@ -208,11 +192,7 @@ def _compute_growth(study: Muller2017Document) -> Array:
     return np.array([person.identified_freely.growth for person in study.persons])
 
 
-@_claim(
-    "truth",
-    "Identification against the verdict makes the held-out error of inertia worse",
-    "expected: overfitting",
-)
+@CLAIMS.decide
 def identification_worse(study: Muller2017Document) -> claims.Answer:
     worse = np.array([person.identified_freely.worse for person in study.persons])
     median = _by_component(np.median(_compute_growth(study), axis=0), 2)
@@ -223,9 +203,7 @@ def identification_worse(study: Muller2017Document) -> claims.Answer:
     )
 
 
-@_claim(
-    "truth", "It does so in components whose residual is mostly the measurement's", "expected: overfitting"
-)
+@CLAIMS.decide
 def worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
     logs, blamed = np.log(_compute_growth(study)), _list_flags(study, "blamed")
     refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
@@ -236,11 +214,7 @@ def worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(_is_significant(p, study), said)
 
 
-@_claim(
-    "beyond",
-    "The verdict by the markers' errors supports only what identification betters",
-    "not in the paper",
-)
+@CLAIMS.decide
 def markers_verdict(study: Muller2017Document) -> claims.Answer:
     supported, blamed = _list_flags(study, "supported_by_markers"), _list_flags(study, "blamed")
     if not supported.any():
@@ -255,7 +229,7 @@ def markers_verdict(study: Muller2017Document) -> claims.Answer:
     return claims.Answer(right == supported.sum() and allowed < 1.0 < refused, said)
 
 
-@_claim("truth", "Even a held-out residual can fall while inertia becomes less true", "expected: overfitting")
+@CLAIMS.decide
 def held_out_residual_deceives(study: Muller2017Document) -> claims.Answer:
     free = [person.identified_freely for person in study.persons]
     fell = [float(np.linalg.norm(f.residual_after) / np.linalg.norm(f.residual_before)) for f in free]

@@ -32,33 +32,12 @@ from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
 SUBJECTS = 10
 """Muller et al. 2017, sec. 2.3."""
 
-SOURCE = (
-    "Muller A, Pontonnier C, Dumont G (2017) Uncertainty propagation in multibody human model dynamics. "
-    "Multibody System Dynamics, Springer (hal-01462185)"
-)
-
 FREE = 10.0
 """How many times wider than usual the prior is where an identification trusts the residual (chosen: the
 tables then hardly count; inertia stays physically possible)."""
 
 SHOWN = 10
 """Markers that are listed (chosen: they carry nearly all)."""
-
-DIFFERENCES = (
-    "The persons are virtual: ten men of the paper's stature and mass, whose true inertia is off the "
-    "regression's by what regressions miss. Skin glides with the joint angles; lengths and marker places are "
-    "off by what a calibration leaves.",
-    "Their movements are one sequence of a minute in which every joint moves. They are calmer than the "
-    "paper's, and so are the model's errors: residuals and reconstruction error are smaller.",
-    "The paper writes of noise of one size on all coordinates. One size cannot serve angles and metres; the "
-    "root's position is left alone here. This was chosen after seeing both: with it, forces are three to six "
-    "times as uncertain, the vertical one as much as the others, which is not what the paper shows.",
-    "The share of a marker's error that its segment has in common is the same in the virtual skin and in the "
-    "propagation of the markers' errors (0.75, from one study of knees). On real skin it may be another.",
-    "R2 is that of a line without intercept. The stricter one about the mean is given beside.",
-)
-"""How this study is not the paper's, in plain English."""
-
 
 _MM = 1e3
 _SAME = (
@@ -221,16 +200,16 @@ def reproduce_muller2017(
     chosen = {**dataclasses.asdict(settings), "levels": list(settings.levels)}
     del chosen["seed"]
     document = documents.Muller2017Document(
-        source=SOURCE,
+        source=CLAIMS.said["source"],
         code_version=code_version(),
         settings={**chosen, "database": settings.database_size, "recorded": dataclasses.asdict(recorded)},
         seed=settings.seed,
         persons=persons,
         recordings=real,
-        notes=list(DIFFERENCES),
+        notes=CLAIMS.said["notes"],
         wall_s=round(time.perf_counter() - clock, 3),
     )
-    return claims.answer_claims(document, CLAIMS)
+    return CLAIMS.answer(document)
 
 
 def _study_real(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import abc
-from functools import partial
 
 import numpy as np
 
@@ -16,10 +15,7 @@ _FITTING = ("MB_lam", "MB_am", "EB_am")
 _LEGS = ("femur_r", "femur_l", "shank_r", "shank_l")
 _ERROR = ("kinematic_error_mm", "calibration")
 
-CLAIMS: list[claims.Claim[documents.Puchaud2019Document]] = []
-"""In the order of the paper's results."""
-
-_claim = partial(claims.claim, CLAIMS)
+CLAIMS: claims.Claims[documents.Puchaud2019Document] = claims.Claims.read(__package__)
 
 
 def _test(study: documents.Puchaud2019Document, kind: str, quantity: str) -> cohorts.FriedmanEntry:
@@ -39,7 +35,7 @@ def _average_difference(test: cohorts.FriedmanEntry, method: str, reference: str
     return pair.difference_mean if pair.methods[1] == reference else -pair.difference_mean
 
 
-@_claim("table 2", "Segment lengths differ between the models", "p < 0.05, inter-hip and shanks p < 0.001")
+@CLAIMS.decide
 def lengths_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     tests = {name: _test(study, "segment_lengths_mm", name) for name in documents.LENGTHS}
     return claims.Answer(
@@ -64,29 +60,17 @@ def _compare_with_image(
     )
 
 
-@_claim(
-    "table 2",
-    "Femurs and shanks of MB_lam differ from those of EB",
-    "femur +8.4 ± 12.5 and +5.1 ± 13.3 mm, shank +15.8 and +16.4 mm",
-)
+@CLAIMS.decide
 def optimised_legs_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     return _compare_with_image(study, "MB_lam", _LEGS, differ=True)
 
 
-@_claim(
-    "table 2",
-    "Femurs and shanks of MB do not differ from those of EB",
-    "femur +4.0 ± 13.8 and +0.9 ± 16.3 mm, shank +3.9 and +3.8 mm",
-)
+@CLAIMS.decide
 def scaled_legs_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _compare_with_image(study, "MB", _LEGS, differ=False)
 
 
-@_claim(
-    "3.1",
-    "The inter-hip distance of MB and MB_lam does not differ from that of EB",
-    "MB -10.8 ± 19.9, MB_lam +4.0 ± 18.5 mm",
-)
+@CLAIMS.decide
 def inter_hip_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     both = {m: _compare_with_image(study, m, ("inter_hip",), differ=False) for m in ("MB", "MB_lam")}
     return claims.Answer(
@@ -94,7 +78,7 @@ def inter_hip_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("4.1", "Femur lengths of MB lie nearer to EB than those of MB_lam", "see above")
+@CLAIMS.decide
 def femurs_nearer(study: documents.Puchaud2019Document) -> claims.Answer:
     means = [study.statistics.quantity("segment_lengths_mm", f"femur_{side}").mean for side in "rl"]
     gaps = {method: [mean[method] - mean["EB"] for mean in means] for method in ("MB", "MB_lam")}
@@ -105,7 +89,7 @@ def femurs_nearer(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("3.1", "Knee axes turn by about -2 to 2 deg on average", "table 3: at most 2.1 deg")
+@CLAIMS.decide
 def axes_turn_little(study: documents.Puchaud2019Document) -> claims.Answer:
     found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in documents.AXES]
     means = {method: [mean[method] for mean in found] for method in _FITTING}
@@ -115,7 +99,7 @@ def axes_turn_little(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("3.1", "Knee axes of MB_lam scatter most", "SD 3.2-4.1 against 1.8-2.7 deg")
+@CLAIMS.decide
 def axes_scatter(study: documents.Puchaud2019Document) -> claims.Answer:
     found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in documents.AXES]
     spread = {method: float(np.mean([sd[method] for sd in found])) for method in _FITTING}
@@ -125,7 +109,7 @@ def axes_scatter(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("3.1", "Markers shift least in MB_lam and most in MB_am", "5.6, 6.3 (EB_am), 12.3 mm")
+@CLAIMS.decide
 def shifts(study: documents.Puchaud2019Document) -> claims.Answer:
     found = study.statistics.quantity("marker_shift_mm", "mean_over_markers")
     order = sorted(found.mean, key=found.mean.__getitem__)
@@ -135,7 +119,7 @@ def shifts(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("3.2", "MB has the largest kinematic error, larger than all others", "27.4 ± 3.7 mm")
+@CLAIMS.decide
 def largest_error(study: documents.Puchaud2019Document) -> claims.Answer:
     found, test = study.statistics.quantity(*_ERROR), _test(study, *_ERROR)
     pairs = {m: test.pair(m, "MB") for m in documents.METHODS if m != "MB"}
@@ -146,7 +130,7 @@ def largest_error(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("figure 5", "Kinematic errors rank MB > MB_lam > EB > MB_am > EB_am", "27.4, 11.0, 8.9, 6.5, 5.4 mm")
+@CLAIMS.decide
 def error_order(study: documents.Puchaud2019Document) -> claims.Answer:
     mean = study.statistics.quantity(*_ERROR).mean
     order = sorted(documents.METHODS, key=mean.__getitem__, reverse=True)
@@ -169,18 +153,12 @@ def _errors_differ(
     )
 
 
-@_claim(
-    "3.2", "The kinematic error of EB_am is lower than that of MB_lam and EB", "5.4 against 11.0 and 8.9 mm"
-)
+@CLAIMS.decide
 def imaged_and_fitted_differs(study: documents.Puchaud2019Document) -> claims.Answer:
     return _errors_differ(study, "EB_am", ("MB_lam", "EB"), differ=True)
 
 
-@_claim(
-    "3.2",
-    "The kinematic error of MB_am does not differ from that of EB and EB_am",
-    "6.5 against 8.9 and 5.4 mm",
-)
+@CLAIMS.decide
 def fitted_is_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _errors_differ(study, "MB_am", ("EB", "EB_am"), differ=False)
 
@@ -218,43 +196,27 @@ def _curves_differ(curve: cohorts.CurveEntry, method: str) -> tuple[bool | None,
     return True, "differs at " + ", ".join(f"{start:.0f}-{end:.0f} %" for start, end in pair.spans)
 
 
-@_claim(
-    "3.3",
-    "Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait",
-    "6 subjects, 12 cycles: significant on both sides",
-)
+@CLAIMS.decide
 def hips_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "hip_flexion", ("MB", "MB_lam", "EB"), differ=True)
 
 
-@_claim(
-    "3.3",
-    "Knee flexion of EB differs from that of EB_am in gait",
-    "6 subjects, 12 cycles: significant on both sides",
-)
+@CLAIMS.decide
 def knees_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "knee_angle", ("EB",), differ=True)
 
 
-@_claim(
-    "3.3",
-    "Hip flexion of MB_am does not differ from that of EB_am in gait",
-    "6 subjects, 12 cycles: not significant",
-)
+@CLAIMS.decide
 def hips_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "hip_flexion", ("MB_am",), differ=False)
 
 
-@_claim(
-    "3.3",
-    "Knee flexion of MB_am does not differ from that of EB_am in gait",
-    "6 subjects, 12 cycles: not significant",
-)
+@CLAIMS.decide
 def knees_alike(study: documents.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "knee_angle", ("MB_am",), differ=False)
 
 
-@_claim("5", "Of the marker-based models, MB_am gives the joint angles nearest to EB_am", "stated in words")
+@CLAIMS.decide
 def most_consistent(study: documents.Puchaud2019Document) -> claims.Answer:
     """By the RMS over the cycle and both sides of the mean difference, hip and knee flexion."""
     curves = [
@@ -272,7 +234,7 @@ def most_consistent(study: documents.Puchaud2019Document) -> claims.Answer:
     )
 
 
-@_claim("4.4", "A subject is scaled in less than four minutes", "< 4 min, 100 frames")
+@CLAIMS.decide
 def quick(study: documents.Puchaud2019Document) -> claims.Answer:
     slowest = study.slowest_subject_s
     return claims.Answer(slowest < 240.0, f"slowest subject {slowest:.1f} s, all five models")

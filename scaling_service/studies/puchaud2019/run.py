@@ -40,21 +40,6 @@ SUBJECTS = 26
 WALKERS = 6
 """Of them, those whose gait was recorded (section 2.1)."""
 
-DIFFERENCES = (
-    "The persons are virtual. Their statures, bone lengths and knee axes are drawn from the paper's own "
-    "means and scatter; palpation, skin movement and images have the sizes that the literature gives. None "
-    "was adjusted until a table fitted.",
-    "The paper does not print its generic model. The built-in one has the mean proportions of the paper's "
-    "subjects, and its markers sit where these persons have them on average: MB then errs less than in the "
-    "paper, and differences in lengths are too small to be found. --generic custom starts from the legs of "
-    "the published toolbox instead, whose markers sit elsewhere: the methods then differ far more.",
-    "All persons walk here. Six subjects, averaged over their strides, are too few for a test by permutation "
-    "to decide any pair of models; the paper counted twelve cycles of six subjects as twelve observations.",
-    "The paper takes EB for the truth, but an image has errors, too. Here the truth is known, and each "
-    "model's distance from it is shown beside.",
-)
-"""How this study is not the paper's, in plain English."""
-
 Generic = Literal["custom", "mean"]
 """The legs of CusToM, or the built-in ones, which have the mean proportions of the paper's subjects."""
 
@@ -218,10 +203,10 @@ def build_document(
         literature_error_mm=dict(documents.read_paper()["literature_error_mm"]),
         length_difference_mm=documents.compare_length_differences(everybody),
         marker_shift_mm=documents.compare_marker_shifts(everybody),
-        notes=list(DIFFERENCES),
+        notes=CLAIMS.said["notes"],
         statistics=everybody,
         walkers_statistics=walkers,
         slowest_subject_s=round(slowest_s, 3),
         wall_s=round(time.perf_counter() - started, 3),
     )
-    return claims.answer_claims(document, CLAIMS)
+    return CLAIMS.answer(document)

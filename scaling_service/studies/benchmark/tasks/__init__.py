@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from scaling_service.studies.benchmark.parts import Task
+from importlib import resources
+
+from scaling_service.model.reference import read_reference
+from scaling_service.studies.benchmark.parts import Metric, Task
 from scaling_service.studies.benchmark.tasks import (
     agreement,
     bones,
@@ -14,17 +17,24 @@ from scaling_service.studies.benchmark.tasks import (
     wild_recordings,
 )
 
-TASKS: dict[str, Task] = {
-    task.name: task
-    for task in (
-        persons.describe_task(),
-        images.describe_marker_task(),
-        images.describe_bone_task(),
-        living_bone.describe_task(),
-        hidden.describe_task(),
-        wild_recordings.describe_task(),
-        wild_models.describe_task(),
-        bones.describe_task(),
-        agreement.describe_task(),
-    )
+_MAKERS = {
+    "persons": persons.make_cases,
+    "markers_mri": images.make_marker_cases,
+    "images": images.make_bone_cases,
+    "living_bone": living_bone.make_cases,
+    "hidden": hidden.make_cases,
+    "wild_recordings": wild_recordings.make_cases,
+    "wild_models": wild_models.make_cases,
+    "bones": bones.make_cases,
+    "agreement": agreement.make_cases,
 }
+
+TASKS: dict[str, Task] = {
+    name: Task(
+        name=name,
+        cases=_MAKERS[name],
+        **said | {"metrics": tuple(Metric(**metric) for metric in said["metrics"])},
+    )
+    for name, said in read_reference(resources.files(__package__) / "tasks.yaml").items()
+}
+"""What ``tasks.yaml`` says, with the function that makes the cases."""

@@ -109,19 +109,3 @@ def _find_joint(model: parts.Traced, joint: str, side: str) -> parts.Array:
 def _measure(model: parts.Traced, above: str, below: str, side: str) -> float:
     """Distance between two joints of a leg at the first pose, m."""
     return float(np.linalg.norm(_find_joint(model, above, side)[0] - _find_joint(model, below, side)[0]))
-
-
-def describe_task() -> parts.Task:
-    """What is asked and how it is judged."""
-    return parts.Task(
-        name="agreement",
-        title="Agreement with OpenSim's scale and inverse kinematics tools",
-        truth="OpenSim's answer in this run, on its own examples: its row is zero, and zero is not truth",
-        needs=("gait2354", "rajagopal_walk"),
-        metrics=(
-            parts.Metric(key="lengths", title="lengths, mm", digits=3),
-            parts.Metric(key="centres", title="joints in the walk, mm"),
-            parts.Metric(key="angles", title="legs' angles, deg", digits=2),
-        ),
-        cases=make_cases,
-    )

@@ -170,15 +170,3 @@ def judge_variant(
         gap <= max(within_mm, 3.0 * float(stated.get(name, 0.0))) for name, gap in off.items()
     )
     return {"wrong": 0.0 if right else 100.0}
-
-
-def describe_task() -> parts.Task:
-    """What is asked and how it is judged."""
-    return parts.Task(
-        name="bones",
-        title="Bones as they are found",
-        truth="the program's own answer for the clean bones, moved with them; wrong bones must be refused",
-        needs=("jia_mri/bones",),
-        metrics=(parts.WRONG,),
-        cases=make_cases,
-    )

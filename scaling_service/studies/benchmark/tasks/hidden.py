@@ -247,16 +247,3 @@ def _has_size(effect: abc.Mapping[str, abc.Mapping[str, abc.Mapping[str, float]]
     parts = [p["value"] for key, p in effect["parameters"].items() if key.endswith(suffix)]
     found = parts[0] if suffix == "factor" and parts else float(np.linalg.norm(parts))
     return abs(found - value) <= within
-
-
-def describe_task() -> benchmark_parts.Task:
-    """What is asked and how it is judged."""
-    return benchmark_parts.Task(
-        name="hidden",
-        title="Effects hidden in real recordings",
-        truth="what was done to the files of a squatting and walking person; the person's own faults are "
-        "unknown",
-        needs=("opencap_squat/manually_scaled.osim",),
-        metrics=(benchmark_parts.WRONG, benchmark_parts.Metric(key="others", title="other names")),
-        cases=make_cases,
-    )

@@ -202,38 +202,3 @@ def list_imaged(data: Path) -> dict[str, tuple[Path, abc.Mapping[str, tuple[part
 def find_bone(folder: Path, slot: str) -> Path:
     """A bone's surface, whatever its format."""
     return next(path for path in sorted(folder.glob(f"{slot}.*")) if path.suffix in SURFACES)
-
-
-def describe_marker_task() -> parts.Task:
-    """Of a person from markers alone: what is asked and how it is judged."""
-    return parts.Task(
-        name="markers_mri",
-        title="A person with MRI, from markers alone",
-        truth="the right hip and knee as an expert fitted them to MRI bones; skin markers seen in the same "
-        "image",
-        needs=("jia_mri/Static.c3d", "jia_mri/image_markers.csv"),
-        metrics=(
-            parts.Metric(key="hip", title="hip against the pelvis's markers, mm"),
-            parts.Metric(key="femur", title="femur's length, mm"),
-        ),
-        cases=make_marker_cases,
-    )
-
-
-def describe_bone_task() -> parts.Task:
-    """Of bones: what is asked and how it is judged."""
-    return parts.Task(
-        name="images",
-        title="Joint centres from CT and MRI bones",
-        truth="an expert's sphere and cylinders on the same surfaces: agreement with a person, not anatomy; "
-        "of ankle_wbct, a cylinder fitted to the trochlea",
-        needs=("jia_mri/bones",),
-        metrics=(
-            parts.Metric(key="centres", title="centres, mm"),
-            parts.Metric(key="hip", title="hip, mm"),
-            parts.Metric(key="knee", title="knee, mm"),
-            parts.Metric(key="ankle", title="ankle, mm"),
-            parts.Metric(key="axis", title="knee axis, deg"),
-        ),
-        cases=make_bone_cases,
-    )

@@ -128,16 +128,3 @@ def measure_coverage(motion: Path, deviations: Path, true: abc.Mapping[str, part
                 np.mean(np.abs(parts.wrap(ours[:n] - angle[:n]))[known] <= INTERVAL * spread[:n][known])
             )
     return float(np.mean(hits))
-
-
-def describe_task() -> parts.Task:
-    """What is asked and how it is judged."""
-    return parts.Task(
-        name="living_bone",
-        title="Bones under skin markers, measured by pins and fluoroscopy",
-        truth="Cereatti et al. 2017: pins in bone, biplane fluoroscopy; recordings that no model was "
-        "fitted to",
-        needs=("living_bone",),
-        metrics=(parts.Metric(key="angle", title="joints' turns, deg"), parts.HELD),
-        cases=make_cases,
-    )

@@ -88,20 +88,3 @@ def judge_person(person: persons.Person, answer: Path, _opensim: Path) -> abc.Ma
         within = [np.abs(gap) <= INTERVAL * np.radians(table.column(name))[rows] for name, gap in off.items()]
         found["held"] = 100.0 * float(np.mean(within))
     return found
-
-
-def describe_task() -> parts.Task:
-    """What is asked and how it is judged."""
-    return parts.Task(
-        name="persons",
-        title="Virtual persons of known body",
-        truth="drawn and moved by code that shares nothing with the estimator; skin and palpation as "
-        "published",
-        metrics=(
-            parts.Metric(key="centres", title="hips and knees in a walk, mm"),
-            parts.Metric(key="lengths", title="femur and hip distance, mm"),
-            parts.Metric(key="angles", title="joint angles in a walk, deg"),
-            parts.HELD,
-        ),
-        cases=make_cases,
-    )

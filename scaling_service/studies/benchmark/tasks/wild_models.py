@@ -119,15 +119,3 @@ def _holds(check: abc.Mapping[str, Any], box: Path, answer: Path, scaled: bool) 
         ):
             return False
     return True
-
-
-def describe_task() -> parts.Task:
-    """What is asked and how it is judged."""
-    return parts.Task(
-        name="wild_models",
-        title="Models as they are found",
-        truth="poses that the recordings were made from, or OpenSim's tools started at the true pose",
-        needs=("wild/models",),
-        metrics=(parts.WRONG,),
-        cases=make_cases,
-    )

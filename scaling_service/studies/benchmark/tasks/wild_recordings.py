@@ -144,15 +144,3 @@ def judge_way(answerable: bool, answer: Path, _opensim: Path) -> abc.Mapping[str
             np.degrees(parts.rms(parts.wrap(here.coordinates[n] - there.coordinates[n]))) for n in names
         ]
     return {"wrong": 0.0 if max(gaps) <= WITHIN_MM and max(angles) <= WITHIN_DEG else 100.0}
-
-
-def describe_task() -> parts.Task:
-    """What is asked and how it is judged."""
-    return parts.Task(
-        name="wild_recordings",
-        title="One recording as laboratories write it, and break it",
-        truth="the program's own answer for the plain files; mirrored or ambiguous ones must be refused",
-        needs=("jia_mri/Static.c3d", "jia_mri/Walking02.c3d"),
-        metrics=(parts.WRONG,),
-        cases=make_cases,
-    )

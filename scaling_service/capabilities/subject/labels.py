@@ -71,7 +71,8 @@ def check_explicit(subject: Subject, model: BodyModel, trials: abc.Sequence[Tria
 def with_tracking_markers(
     subject: Subject,
     model: BodyModel,
-    trials: abc.Mapping[Path, Trial],
+    standing: Trial | None,
+    movements: abc.Sequence[Trial],
     who: identifying.Identification | None = None,
 ) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with tracking markers on thighs and shanks that movements hardly show.
@@ -83,15 +84,16 @@ def with_tracking_markers(
     """
     if subject.extra_markers or subject.model not in BUILTIN_NAMES:
         return subject, ()
-    moving = [trial for path, trial in trials.items() if path != subject.static] or list(trials.values())
-    labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
-    matched = markers.match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
+    first, *others = movements or ([] if standing is None else [standing])
+    labels = set(first.labels).intersection(*(trial.labels for trial in others))
+    explicit = _list_explicit(subject, labels)
+    matched = markers.match_labels(sorted(labels), model.marker_names, explicit).mapped
     carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
     limbs = {s for s in model.segment_names if s.startswith(_LIMBS) and carried[s] < _FEWEST}
     free = sorted(labels - set(matched.values()))
     by_set = {n: s for n, s in assign_tracking_segments(free, model).items() if s in limbs}
     still = {s for s in limbs if carried[s] + Counter(by_set.values())[s] < _FEWEST}
-    by_place = _find_clusters(subject, trials, set(free) - by_set.keys(), still, who)
+    by_place = _find_clusters(standing, movements, set(free) - by_set.keys(), still, subject.height_m, who)
     together = carried + Counter([*by_set.values(), *by_place.values()])
     by_place = {label: segment for label, segment in by_place.items() if together[segment] > 1}
     notes = [
@@ -112,35 +114,27 @@ def with_tracking_markers(
 
 
 def _find_clusters(
-    subject: Subject,
-    trials: abc.Mapping[Path, Trial],
+    standing: Trial | None,
+    movements: abc.Sequence[Trial],
     free: set[str],
     limbs: set[str],
+    stature: float | None,
     who: identifying.Identification | None,
 ) -> dict[str, str]:
     """Labels that geometry puts on segments, of those that no marker takes."""
-    if not limbs or not free or subject.static is None or subject.static not in trials:
+    if not limbs or not free or standing is None:
         return {}
     if who is None:
-        standing = trials[subject.static]
         found = ((label, markers.find_canonical(label)) for label in standing.labels)
         told = {label: role for label, role in found if role is not None}
-        who = identifying.identify(
-            orientation.apply(orientation.decide(standing, roles=told), standing),
-            [trial for path, trial in trials.items() if path != subject.static],
-            stature=subject.height_m,
-            landmarks={label: name for label, name in told.items() if list(told.values()).count(name) == 1},
-        )
+        turned = orientation.apply(orientation.decide(standing, roles=told), standing)
+        landmarks = {label: name for label, name in told.items() if list(told.values()).count(name) == 1}
+        who = identifying.identify(turned, movements, stature=stature, landmarks=landmarks)
     return {
         one.label: one.segment
         for one in who.labels.values()
         if one.label in free and one.segment in limbs and one.confidence > _SURE
     }
-
-
-def list_wanted(model: BodyModel, subject: Subject) -> list[str]:
-    """Markers to look for in the recordings: the model's, and those that the subject file names."""
-    return list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
 
 
 def with_model_names(

@@ -68,11 +68,12 @@ class Files:
     """What the files of a subject hold: the model, and the recordings under labels of their own.
 
     ``model``: with points in space that recordings show, and without following those that software computes.
-    ``vertical``: the axis along which it stands.
+    ``vertical``: the axis along which it stands. ``static``: the recording of standing.
     """
 
     model: body.BodyModel
     recordings: abc.Mapping[Path, recording.Recording]
+    static: Path | None
     vertical: int
     scale_setup: subjects.ScaleSetup | None
     images: Imaged | None
@@ -83,14 +84,14 @@ class Files:
 class Understood:
     """The recordings under the model's names, in m and turned as the session is, not yet smoothed or filled.
 
-    ``labels``: recording to model marker to the label that was taken for it. ``clusters``: segment to the
-    markers on it.
+    ``labels``: model marker to the labels that were taken for it, one unless recordings differ. ``clusters``:
+    segment to the markers on it.
     """
 
     subject: subjects.Subject
     model: body.BodyModel
     trials: abc.Mapping[Path, Trial]
-    labels: abc.Mapping[Path, abc.Mapping[str, str]]
+    labels: abc.Mapping[str, tuple[str, ...]]
     clusters: abc.Mapping[str, tuple[str, ...]]
     axes: orientations.Orientation
     notes: tuple[Note, ...]
@@ -140,7 +141,8 @@ def load(
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
-    return prepare(understood, question(understood), files, settings.processing)
+    findings = question(understood)
+    return prepare(understood, findings, files, settings.processing)
 
 
 def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Files:
@@ -156,6 +158,7 @@ def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Rec
     return Files(
         model=labels.without_computed(key_points.add_key_points(model, every), subject),
         recordings=recordings,
+        static=subject.static,
         vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
         scale_setup=None if subject.scale_setup is None else read_scale_setup(subject.scale_setup),
         images=read_images(subject),
@@ -173,49 +176,39 @@ def understand(
     who: Identification | None = None,
 ) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
-    model = files.model
-    subject, of_sizes = reading.with_stated_sizes(subject, files.recordings)
-    marked = {path: found for path, found in files.recordings.items() if found.labels}
-    if not marked:
-        # As :func:`understand`, where no recording has a marker
-        if files.vertical != 1:
-            raise TrialUnusable(
-                f"the model stands along {'xyz'[files.vertical]}; rotations are followed by those along y",
-                field="model",
-                remedy="Turn the model so that its gravity points along -y",
-            )
-        turned = {
-            path: subject_rotations.decide_axes_of_rotations(found.trial, settings)
-            for path, found in files.recordings.items()
-        }
-        first = next(iter(turned.values()))
-        return Understood(
-            subject=subject,
-            model=model,
-            trials={
-                path: orientations.turn_rotations(turned[path], found.trial)
-                for path, found in files.recordings.items()
-            },
-            labels={path: {} for path in turned},
-            clusters={},
-            axes=first,
-            notes=(*files.notes, *of_sizes),
+    model, recordings = files.model, files.recordings
+    marked = {path: found for path, found in recordings.items() if found.labels}
+    if not marked and files.vertical != 1:
+        raise TrialUnusable(
+            f"the model stands along {'xyz'[files.vertical]}; rotations are followed by those along y",
+            field="model",
+            remedy="Turn the model so that its gravity points along -y",
         )
-    labels.check_explicit(subject, model, list(marked.values()))
-    subject, of_tracking = labels.with_tracking_markers(subject, model, marked, who)
-    wanted = labels.list_wanted(model, subject)
+    subject, of_sizes = reading.with_stated_sizes(subject, recordings)
+    of_tracking: tuple[Note, ...] = ()
+    if marked:
+        labels.check_explicit(subject, model, list(marked.values()))
+        static = None if files.static is None else marked.get(files.static)
+        movements = [found for path, found in marked.items() if path != files.static]
+        subject, of_tracking = labels.with_tracking_markers(subject, model, static, movements, who)
+    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
+    clusters = labels.sort_by_segment(model, subject)
     named = reading.apply_to_each(
         lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked
     )
-    axes = decide_axes(
-        {path: trial for path, (trial, _) in named.items()},
-        {path: list_level_corners(found) for path, found in files.recordings.items()},
-        model,
-        settings,
-        static=subject.static,
-        facing=facing,
-        vertical=files.vertical,
-    )
+    if marked:
+        axes = decide_axes(
+            {path: trial for path, (trial, _) in named.items()},
+            {path: list_level_corners(found) for path, found in recordings.items()},
+            model,
+            settings,
+            static=files.static,
+            facing=facing,
+            vertical=files.vertical,
+        )
+    else:
+        first = next(iter(recordings.values()))
+        axes = subject_rotations.decide_axes_of_rotations(first.trial, settings)
     axes = orientations.stand_along(axes, files.vertical) if standing else axes
     of_axes: tuple[Note, ...] = ()
     if not standing and files.vertical != 1:
@@ -234,10 +227,14 @@ def understand(
             else orientations.turn_rotations(  # whose laboratory may be another
                 subject_rotations.decide_axes_of_rotations(found.trial, settings), found.trial
             )
-            for path, found in files.recordings.items()
+            for path, found in recordings.items()
         },
-        labels={path: used for path, (_, used) in named.items()},
-        clusters=labels.sort_by_segment(model, subject),
+        labels={
+            name: taken
+            for name in wanted
+            if (taken := tuple(dict.fromkeys(used[name] for _, used in named.values() if name in used)))
+        },
+        clusters=clusters,
         axes=axes,
         notes=(*files.notes, *of_sizes, *of_axes, *of_tracking),
     )
@@ -275,15 +272,12 @@ def prepare(
 ) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and add what else the files hold."""
     subject = understood.subject
+    model = understood.model
+    placed = labels.list_placed(model, subject, understood.trials.values())
     ready = reading.apply_to_each(
         lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
         understood.trials,
     )
-    placed = labels.list_placed(understood.model, subject, ready.values())
-    marked = [trial for trial in understood.trials.values() if trial.labels]
-    seen = [label for trial in marked for label in trial.shown_labels]
-    of_video = key_points.tell_key_points(understood.model, seen)
-    model, of_freedoms = builtin.lock_unmarked(understood.model, placed)
     setup, of_setup = files.scale_setup, tuple[Note, ...]()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if setup is not None and subject.scale_setup is not None and standing is not None:
@@ -292,8 +286,15 @@ def prepare(
     if setup is not None and setup.placement is not None:  # its marker placer leaves these alone
         fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
         setup = replace(setup, placement=replace(setup.placement, fixed=fixed))
-    images = files.images
+    marked = [trial for trial in understood.trials.values() if trial.labels]
+    summary = tuple(checks.summarise_recordings(model, subject, marked)) if marked else ()
     followed = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
+    images = None
+    if files.images is not None:
+        images = place_images(files.images, model, followed, subject.marker_map)
+    seen = [label for trial in marked for label in trial.shown_labels]
+    of_video = key_points.tell_key_points(model, seen)
+    model, of_freedoms = builtin.lock_unmarked(model, placed)
     session = subjects.Session(
         subject=subject,
         model=model,
@@ -305,19 +306,15 @@ def prepare(
             *understood.notes,
             *of_freedoms,
             *of_setup,
-            *(() if images is None else images.notes),
-            *(of_video or (checks.summarise_recordings(model, subject, marked) if marked else ())),
+            *(() if files.images is None else files.images.notes),
+            *(of_video or summary),
             *findings,
         ),
-        images=None if images is None else place_images(images, model, followed, subject.marker_map),
+        images=images,
     )
     return Loaded(
         session=session,
-        markers_used={
-            name: taken
-            for name in labels.list_wanted(understood.model, subject)
-            if (taken := tuple(dict.fromkeys(one[name] for one in understood.labels.values() if name in one)))
-        },
+        markers_used=understood.labels,
         axes=understood.axes.description,
         orientation=understood.axes,
         plates={path: found.plates for path, found in files.recordings.items() if found.plates is not None},

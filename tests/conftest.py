@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import compileall
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import hypothesis
 import pytest
+from _pytest.assertion import rewrite
 
+import scaling_service
 from scaling_service.core.threads import use_one_thread
 from tests.finished import Demo, fill_once, make_once
 
@@ -30,14 +34,33 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Iterator[None]:
+def pytest_collection(session: pytest.Session) -> Iterator[None]:
     """What collecting makes stays to the end: looking through it for garbage took a seventh of all time."""
     gc.disable()
     try:
+        compile_share(session.config)
         return (yield)
     finally:
         gc.freeze()
         gc.enable()
+
+
+def compile_share(config: pytest.Config) -> None:
+    """Compile a share of all modules for all processes: each would compile every one by itself."""
+    worker = getattr(config, "workerinput", None)
+    if worker is None or sys.dont_write_bytecode:
+        return
+    places = [Path(scaling_service.__path__[0]), *map(Path, config.args)]
+    modules = sorted(file for place in places for file in place.rglob("*.py"))
+    for file in modules[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:
+        if not file.name.startswith("test_"):
+            compileall.compile_file(file, quiet=1)
+            continue
+        compiled = rewrite.get_cache_dir(file) / f"{file.stem}{rewrite.PYC_TAIL}"
+        if rewrite._read_pyc(file, compiled) is None:
+            compiled.parent.mkdir(exist_ok=True)
+            source, code = rewrite._rewrite_test(file, config)
+            rewrite._write_pyc(config.stash[rewrite.assertstate_key], code, source, compiled)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -25,10 +25,13 @@ MOST_POSITIONAL = 4
 PARTICIPLES = ("resolved", "smoothed")
 """Public methods that keep their names."""
 
+UNCOLLECTED = "import gc; gc.enable = gc.disable; from mypy.__main__ import console_entry; console_entry()"
+"""The check of types holds what it makes to its end: a fifth of its time went by in looking for garbage."""
+
 CHECKS = {
     "lint": ["ruff", "check", "--no-cache", "."],
     "format": ["ruff", "format", "--check", "--no-cache", "."],
-    "types": ["mypy"],
+    "types": ["python", "-c", UNCOLLECTED],
     "layers": ["lint-imports", "--no-cache"],
 }
 

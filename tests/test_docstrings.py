@@ -11,6 +11,7 @@ import re
 import shutil
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,9 @@ MODULES = [
     for module in pkgutil.walk_packages(scaling_service.__path__, "scaling_service.")
     if not module.name.startswith(APART)
 ]
+SHOWING = [name for name in MODULES if ">>>" in Path(find_spec(name).origin).read_text(encoding="utf-8")]
+"""Those with examples: looking for some in all others took longer than running these."""
+
 SEARCH = [f"scaling_service.capabilities.discovery.{name}" for name in ("run", "saving")]
 """Their examples search for what is missing, which takes long."""
 
@@ -72,7 +76,7 @@ def remembered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Callable[.
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.costly] if name in SEARCH else []) for name in MODULES]
+    "name", [pytest.param(name, marks=[pytest.mark.costly] if name in SEARCH else []) for name in SHOWING]
 )
 def test_examples(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in PUBLIC:
@@ -81,6 +85,11 @@ def test_examples(name: str, request: pytest.FixtureRequest, monkeypatch: pytest
             monkeypatch.setattr(scaling_service, function, remembered)
     options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert doctest.testmod(import_module(name), optionflags=options).failed == 0
+
+
+def test_every_module_can_be_loaded() -> None:
+    for name in MODULES:
+        import_module(name)
 
 
 @pytest.mark.parametrize("name", scaling_service.__all__)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from scaling_service.model.anatomy.frames import build_pelvis_frame
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
@@ -36,7 +36,7 @@ _COVERED = (0.33, 0.05)
 
 _DOF = len(_LENGTHS_MM) + 3
 RARE = 1e-4  # chosen: a pelvis rarer than one of ten thousand is told
-MOST_UNLIKE = float(chi2.isf(RARE, _DOF))
+MOST_UNLIKE = float(chdtri(_DOF, RARE))
 """Of :func:`measure_unlikeness`, reached by one pelvis of ten thousand."""
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 
 from scaling_service.bones.results import MeshRefused
 from scaling_service.model.trial import Bone
@@ -40,7 +39,7 @@ def measure_distances(bone: Bone, points: Array) -> Array:
 class SurfaceMap:
     """Points of a model's bone to the same places on a person's."""
 
-    spline: RBFInterpolator
+    spline: scipy.interpolate.RBFInterpolator
     left_m: float  # root mean square distance that is left between the surfaces where they have counterparts
 
     def __call__(self, points: Array) -> Array:
@@ -86,7 +85,7 @@ def map_surface(model: Bone, person: Bone, ours_at: Array, theirs_at: Array) -> 
             end = np.concatenate([nearest[kept], theirs.points[wanted[met]], theirs_at])
             soft = np.full(len(end), smoothing)
             soft[len(end) - len(ours_at) :] /= _HELD
-            spline = RBFInterpolator(start, end, kernel="linear", degree=1, smoothing=soft)
+            spline = scipy.interpolate.RBFInterpolator(start, end, kernel="linear", degree=1, smoothing=soft)
             moved = _face_outwards(spline(ours.points), ours.regular_faces)
     return SurfaceMap(spline, float(np.sqrt(np.mean(gap[kept] ** 2))))
 
@@ -124,6 +123,8 @@ def _carry(start: pv.PolyData, end: pv.PolyData, cells: NDArray[np.intp], points
 
 
 def _make_surface(bone: Bone) -> pv.PolyData:
+    import trimesh  # only here: it takes a third of a second, and only maps of surfaces need it
+
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())

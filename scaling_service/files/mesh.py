@@ -11,7 +11,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
@@ -45,7 +44,6 @@ _DAMAGED = (
     struct.error,
     OverflowError,
     MemoryError,
-    trimesh.exchange.stl.HeaderError,
 )
 
 
@@ -134,6 +132,8 @@ def _with_stl(file: Path) -> tuple[Array, NDArray[np.integer]]:
 
 
 def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
+    import trimesh  # only here: it takes a third of a second, and a binary STL needs none of it
+
     # A stream, not a path: an OBJ must not make other files be opened.
     try:
         with file.open("rb") as stream:
@@ -142,7 +142,7 @@ def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
             )
     except OSError as error:
         raise FileUnreadable(f"it cannot be read: {error.strerror}", remedy=_REMEDY) from None
-    except _DAMAGED as error:
+    except (*_DAMAGED, trimesh.exchange.stl.HeaderError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FileUnreadable(
             f"it is damaged or no {file.suffix.upper()[1:]} file ({reason[:120]})", remedy=_REMEDY

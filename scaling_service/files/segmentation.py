@@ -14,8 +14,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, gaussian_filter
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, name_file
@@ -222,7 +222,7 @@ def _list_surfaces(
     """Name and surface of each label that is named and has enough voxels."""
     import pyvista  # only here: it takes half a second
 
-    boxes = find_objects(volume if volume.dtype.kind in "iu" else volume.astype(np.int32))
+    boxes = scipy.ndimage.find_objects(volume if volume.dtype.kind in "iu" else volume.astype(np.int32))
     for number, name in sorted(names.items()):
         box = boxes[number - 1] if 0 < number <= len(boxes) else None
         if box is None:
@@ -234,7 +234,7 @@ def _list_surfaces(
         inside = volume[tuple(slice(*span) for span in spans)] == number
         if int(inside.sum()) >= _FEWEST_VOXELS:
             # Where the label ends, half-way between voxels; open where the image does
-            field = gaussian_filter(inside.astype(np.float32), _BLUR, mode="nearest")
+            field = scipy.ndimage.gaussian_filter(inside.astype(np.float32), _BLUR, mode="nearest")
             grid = pyvista.ImageData(dimensions=inside.shape)
             grid.point_data["inside"] = field.ravel(order="F")
             surface = grid.contour([0.5], scalars="inside", method="flying_edges").triangulate()

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from scaling_service.core.arrays import Array
 from scaling_service.model import poses
@@ -83,7 +83,7 @@ def find_landmarks_by_place(model: BodyModel) -> dict[str, str | None]:
             continue
         apart = np.array([[places[n].measure(at[name]) / places[n].sd for n in wanted] for name in free])
         off = np.linalg.norm(apart, axis=2)
-        for row, column in zip(*linear_sum_assignment(np.minimum(off, _MOST)), strict=True):
+        for row, column in zip(*scipy.optimize.linear_sum_assignment(np.minimum(off, _MOST)), strict=True):
             if off[row, column] < _MOST:
                 found[free[row]] = wanted[column]
     if {"RPSIS", "LPSIS"} <= known | set(found.values()):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from scaling_service.core import arrays
 from scaling_service.model.forces import CONTACT_N, GroundForces
@@ -118,7 +118,7 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
     for one, other, usual in meeting:
         distance = np.linalg.norm(trial.markers[:, one] - trial.markers[:, other], axis=1)
         near = distance < ONE_POINT_M
-        merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
+        merged = near | scipy.ndimage.binary_closing(near, np.ones(_FLICKER))
         merged &= shown[:, one] & shown[:, other]
         hidden[:, [one, other]] |= merged[:, None]
         where = f"{trial.labels[one]}{PAIR}{trial.labels[other]}"
@@ -140,16 +140,18 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     """
     if trial.rate_hz < _SLOWEST_HZ or not trial.labels:
         return trial
-    rough = np.abs(ndimage.convolve1d(np.nan_to_num(trial.markers), _FOURTH, axis=0)).max(axis=2)
+    rough = np.abs(scipy.ndimage.convolve1d(np.nan_to_num(trial.markers), _FOURTH, axis=0)).max(axis=2)
     shown = find_seen(trial.markers)
-    high = ndimage.binary_erosion(shown, np.ones((len(_FOURTH), 1)), border_value=1) & (rough > JITTER_M)
+    high = scipy.ndimage.binary_erosion(shown, np.ones((len(_FOURTH), 1)), border_value=1) & (
+        rough > JITTER_M
+    )
     often = np.flatnonzero(_find_mostly(high).any(axis=1))
     if not len(often):
         return trial
     usual = np.zeros((len(rough), 1))
     usual[often] = np.median(rough[often], axis=1, keepdims=True)
     worse = _find_mostly(high & (rough > _UNUSUAL * usual))
-    poor = shown & (worse | ndimage.binary_closing(worse, np.ones((_WINDOW, 1))))
+    poor = shown & (worse | scipy.ndimage.binary_closing(worse, np.ones((_WINDOW, 1))))
     size = {k: float(np.median(rough[poor[:, k], k])) for k in np.flatnonzero(poor.any(axis=0)).tolist()}
     size = {k: rms for k, rms in size.items() if rms > JITTER_M}
     if not 0 < len(size) < _FEW * len(trial.labels):
@@ -167,7 +169,7 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
 def _find_mostly(flags: arrays.Mask) -> arrays.Mask:
     """Where most frames of the window around a frame (n, any) have a flag."""
     return np.asarray(
-        ndimage.uniform_filter1d(flags.astype(np.float32), _WINDOW, axis=0, mode="nearest") > 0.5
+        scipy.ndimage.uniform_filter1d(flags.astype(np.float32), _WINDOW, axis=0, mode="nearest") > 0.5
     )
 
 
@@ -230,7 +232,9 @@ def _average_beside(power: arrays.Array) -> arrays.Array:
     sides = []
     for side in (-away, away):
         ring = ((side > _NEAR[0]) & (side < _NEAR[1])).astype(float)
-        total, count = (ndimage.convolve1d(x, ring, mode="constant") for x in (power, np.ones(len(power))))
+        total, count = (
+            scipy.ndimage.convolve1d(x, ring, mode="constant") for x in (power, np.ones(len(power)))
+        )
         sides.append(total / np.maximum(count, 1.0))
     return np.asarray(np.maximum(*sides)) + 1e-300
 
@@ -247,14 +251,14 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
         known = forces.known[:, k]
         # Samples off the course of those beside them
         seen = np.where(known[:, None], force[:, k], 0.0)
-        off = np.abs(seen - ndimage.median_filter(seen, (2 * _BESIDE + 1, 1), mode="nearest"))
+        off = np.abs(seen - scipy.ndimage.median_filter(seen, (2 * _BESIDE + 1, 1), mode="nearest"))
         bad, at = np.zeros_like(known), np.arange(len(seen))
         for path, away in zip(seen.T, off.T, strict=True):
             high = away > SPIKE_N
             if high.any():
                 course = np.interp(at, at[~high], path[~high])
                 bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
-                bad |= high & (away > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1)) & known
+                bad |= high & (away > _CLEAR * scipy.ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1)) & known
         good = known & ~bad
         if not bad.any() or not good.any():
             continue

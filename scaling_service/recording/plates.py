@@ -10,8 +10,8 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
@@ -184,7 +184,9 @@ def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | No
         for start, stop in filters.find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
             inside = _is_within(own[start:stop], wanted)
             if stop - start > 1 and inside.any():
-                sampled[inside, k] = CubicSpline(own[start:stop], values[start:stop])(wanted[inside])
+                sampled[inside, k] = scipy.interpolate.CubicSpline(own[start:stop], values[start:stop])(
+                    wanted[inside]
+                )
     outside = int(((wanted < own[0] - 1e-9) | (wanted > own[-1] + 1e-9)).sum())
     if outside:
         repairs.append(

@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
-from trimesh.exchange.stl import export_stl
 
 from scaling_service.bones import whole
 from scaling_service.core.arrays import Array
@@ -290,6 +288,9 @@ def write_example(
         },
     }
     if imaged:
+        import trimesh  # only here: it takes a third of a second
+        from trimesh.exchange.stl import export_stl
+
         image = make_virtual_image(person)
         for segment, bone in image.bones.items():
             (folder / f"{segment}.stl").write_bytes(

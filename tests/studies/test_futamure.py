@@ -7,7 +7,9 @@ import pytest
 
 from scaling_service.model.inertia import sum_mass
 from scaling_service.numerics.wrench import GRAVITY
+from scaling_service.studies.claims import draw_person_seeds
 from scaling_service.studies.futamure.claims import assess_less
+from scaling_service.studies.futamure.result import FutamureDocument
 from scaling_service.studies.futamure.squatters import OVER_FOOT_M, make_virtual_squatter
 from scaling_service.studies.futamure.study import WAYS, reproduce_futamure, study_squatter
 from scaling_service.studies.futamure.words import summarise
@@ -30,8 +32,13 @@ def test_the_same_seed_is_the_same_person_and_another_is_not() -> None:
     assert first.height_m != other.height_m
 
 
-def test_the_study_answers_every_claim_and_shows_it() -> None:
-    document = reproduce_futamure(seed=0, subjects=1, worker_count=1)
+@pytest.fixture(scope="module")
+def document() -> FutamureDocument:
+    """Of one person."""
+    return reproduce_futamure(seed=0, subjects=1, worker_count=1)
+
+
+def test_the_study_answers_every_claim_and_shows_it(document: FutamureDocument) -> None:
     assert len(document.claims) == 10
     assert (
         document.persons[0].fitted.consistent.wrench_rmse[0]
@@ -50,8 +57,9 @@ def test_the_signed_rank_test_is_one_sided() -> None:
     assert assess_less(high, low) == pytest.approx(1.0)
 
 
-def test_faults_are_what_costs_the_angles() -> None:
-    clean, usual = (study_squatter(1, faults=size) for size in (0.0, 1.0))
+def test_faults_are_what_costs_the_angles(document: FutamureDocument) -> None:
+    clean, usual = study_squatter(*draw_person_seeds(0, 1), faults=0.0), document.persons[0]
+    assert clean.name == usual.name
     for way in WAYS:
         ours, theirs = (getattr(person.fitted, way).angle_rmse_deg for person in (clean, usual))
         assert np.mean(ours) < np.mean(theirs)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from scaling_service.capabilities.dynamics import weight as weights
 from scaling_service.capabilities.kinetics import inverse_dynamics
@@ -145,7 +145,7 @@ def find_unmeasured_frames(found: abc.Iterable[Unmeasured], times: Array) -> NDA
 def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> abc.Iterator[tuple[int, int]]:
     """Runs of flags that last, brief gaps closed."""
     reach = max(1, round(FLIGHT_S / step)) if step else 1
-    closed = ndimage.binary_closing(np.pad(flags, reach), np.ones(reach + 1))[reach:-reach]
+    closed = scipy.ndimage.binary_closing(np.pad(flags, reach), np.ones(reach + 1))[reach:-reach]
     yield from ((a, b) for a, b in find_runs(closed).tolist() if (b - a) * step >= least_s)
 
 

@@ -11,8 +11,8 @@ from collections import abc
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion import restarts, steady
@@ -183,7 +183,7 @@ def _find_limit(cost: Array) -> float:
 
 def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
     """The coarse motion, written without jumps, at all times, by cubic splines."""
-    return np.asarray(CubicSpline(times[rows], q, bc_type="natural")(times))
+    return np.asarray(scipy.interpolate.CubicSpline(times[rows], q, bc_type="natural")(times))
 
 
 def free_trapped(

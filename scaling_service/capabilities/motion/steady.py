@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from scaling_service.capabilities.motion import branches, doubts
 from scaling_service.capabilities.motion.solving import solve_from
@@ -59,7 +59,7 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
     if not loose.any():
         return found
     around = np.ones(2 * max(1, round(COARSE_S / step)) + 1, dtype=bool)
-    near = ndimage.binary_propagation(loose, mask=ndimage.binary_dilation(jumps, around))
+    near = scipy.ndimage.binary_propagation(loose, mask=scipy.ndimage.binary_dilation(jumps, around))
     near[[0, -1]] = False
     found = replace(found, q=branches.cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
     moving = task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
@@ -95,7 +95,7 @@ def _find_likelier(
 
     No frame of such a stretch may be much farther from its markers than it was.
     """
-    runs = ndimage.label(ndimage.binary_dilation(near, [True, True, False]))[0]  # with the step into them
+    runs, _ = scipy.ndimage.label(scipy.ndimage.binary_dilation(near, [True, True, False]))
     whole, whole_after = (
         np.bincount(runs, cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0))
         for cost, q in (before, after)

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from scaling_service.model import people as population
 from scaling_service.model.anatomy.skin import is_pin
@@ -283,7 +283,9 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
     pooled = squares.sum() / max(freedom.sum(), 1.0)
     own = (squares + _PRIOR_FREEDOM * pooled) / (freedom + _PRIOR_FREEDOM)
     shares = (shares + np.diag(_PRIOR_FREEDOM * np.ones(count))) / (freedom + _PRIOR_FREEDOM)[:, None]
-    apart, _ = nnls(np.vstack([shares, _MIXING * np.eye(count)]), np.concatenate([own, _MIXING * own]))
+    apart, _ = scipy.optimize.nnls(
+        np.vstack([shares, _MIXING * np.eye(count)]), np.concatenate([own, _MIXING * own])
+    )
     return np.asarray(np.maximum(apart / task.weights, _RESOLUTION_M**2))
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import abc
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb
 
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, poses
 from scaling_service.model.anatomy import lengths
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
+
+if TYPE_CHECKING:  # imported by each that makes a surface: it takes a third of a second
+    import trimesh
 
 Shape = Literal["image", "simple", "none"]
 
@@ -59,6 +60,8 @@ def build_surfaces(
     ``bones``: segment to its bone in the segment's frame, m, with few faces.
     Returns ``surfaces``: segment to surface, m; ``shapes``: every segment to where its surface is from.
     """
+    import trimesh
+
     found: dict[str, trimesh.Trimesh] = {}
     shapes: dict[str, Shape] = {}
     for name in model.segment_names:
@@ -74,6 +77,9 @@ def build_surfaces(
 
 def to_glb(meshes: abc.Mapping[str, trimesh.Trimesh]) -> bytes:
     """Surfaces as binary glTF, each a node of its segment's name that stands where its frame stands."""
+    import trimesh
+    from trimesh.exchange.gltf import export_glb
+
     scene = trimesh.Scene()
     for name, mesh in meshes.items():
         scene.add_geometry(mesh, node_name=name, geom_name=name)
@@ -118,6 +124,8 @@ def make_simple_shape(points: Array) -> trimesh.Trimesh | None:
 
     Two points give a rod with round ends, more give their hull, as if wrapped around balls.
     """
+    import trimesh
+
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if len(points) < 2 or extent < THINNEST_M:
         return None
@@ -155,6 +163,7 @@ def coarsen(bone: Bone, most_faces: int) -> Bone:
     if count <= most_faces:
         return bone
     import pyvista  # only here: it takes half a second and 80 MB, which who shows no bones should not pay
+    import trimesh
 
     # STL files repeat each corner in every triangle; only shared edges can be collapsed.
     merged = trimesh.Trimesh(bone.vertices, bone.faces)

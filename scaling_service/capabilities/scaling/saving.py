@@ -12,10 +12,6 @@ from collections import abc
 from pathlib import Path
 
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb
-from trimesh.exchange.stl import export_stl
-from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion import saving
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
@@ -189,6 +185,11 @@ def write_bones(folder: Path, calibration: Calibration, bones: abc.Mapping[str, 
     local = place_bones(calibration, bones)
     if not local:
         return []
+    import trimesh  # only here: it takes a third of a second
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.exchange.stl import export_stl
+    from trimesh.visual import ColorVisuals
+
     (folder / writing.BONES).mkdir()
     frames, scene = pose_neutral_frames(calibration.model), trimesh.Scene()
     for name, bone in local.items():

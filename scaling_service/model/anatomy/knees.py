@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.arrays import Array
@@ -152,7 +152,7 @@ def _tell_side(model: body.BodyModel, shank: body.Segment) -> int:
         for head in places:  # a knee's centre is anywhere along its axis: each may be the fibula's head
             shift = np.array([0.0, 0.0, head[2] - wanted[0, 2]])
             apart = np.square(places - wanted[:, None] - shift).sum(axis=2)
-            off = places[linear_sum_assignment(apart)[1]] - wanted
+            off = places[scipy.optimize.linear_sum_assignment(apart)[1]] - wanted
             off[:, 2] -= off[:, 2].mean()
             least = min(least, float(np.square(off / _SPREAD).sum()))
         squares.append(least)

@@ -11,7 +11,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg, optimize
+import scipy
+from scipy import linalg
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import Problem
@@ -255,6 +256,6 @@ def minimise_within(values: Array, vectors: Array, slope: Array, low: Array, hig
     """
     root = np.sqrt(values)
     room = np.maximum(high, low + 1e-12)  # lsq_linear wants room, also for a parameter held at one value
-    found = optimize.lsq_linear(root[:, None] * vectors.T, slope / root, (low, room), method="bvls")
+    found = scipy.optimize.lsq_linear(root[:, None] * vectors.T, slope / root, (low, room), method="bvls")
     within: Array = np.clip(found.x, low, high)
     return within

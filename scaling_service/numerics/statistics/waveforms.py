@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
@@ -92,7 +92,9 @@ def normalise_cycles(
                 field=names[column],
                 remedy="Leave the cycle out, or fill the markers' gap first",
             )
-        curves[k] = CubicSpline(clock[rows], recorded[rows])(np.linspace(start, end, nodes)).T
+        curves[k] = scipy.interpolate.CubicSpline(clock[rows], recorded[rows])(
+            np.linspace(start, end, nodes)
+        ).T
     return curves
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
@@ -101,7 +101,7 @@ def assign(
         squared[row], squared[:, column] = np.inf, np.inf
         squared[row, column] = 0.0
     costs = np.hstack([np.minimum(squared, 1e3), np.full((len(names), len(names)), alone)])
-    rows, columns = linear_sum_assignment(costs)
+    rows, columns = scipy.optimize.linear_sum_assignment(costs)
     return sorted(
         (int(c), int(r)) for r, c in zip(rows, columns, strict=True) if c < len(at) and squared[r, c] < alone
     )

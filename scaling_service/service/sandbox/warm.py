@@ -9,7 +9,8 @@ from pkgutil import walk_packages  # noqa: E402
 
 from scaling_service import capabilities  # noqa: E402
 
-for _late in ("pyvista", "scipy.signal"):  # imported late by those who need them
+_SCIPY = ("interpolate", "ndimage", "optimize", "signal", "stats")
+for _late in ("pyvista", "trimesh", *(f"scipy.{part}" for part in _SCIPY)):  # imported late by who needs them
     import_module(_late)
 
 for _module in walk_packages(capabilities.__path__, f"{capabilities.__name__}."):

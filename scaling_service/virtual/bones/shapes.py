@@ -14,8 +14,8 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from scaling_service.core.arrays import Array
 
@@ -116,7 +116,9 @@ def make_shaft(
     def distance(points: Array) -> Array:
         # Values (n, m) between knots by monotone cubics, held at both ends
         at = points[:, 1]
-        inside: Array = PchipInterpolator(heights, levels)(np.clip(at, heights[0], heights[-1]))
+        inside: Array = scipy.interpolate.PchipInterpolator(heights, levels)(
+            np.clip(at, heights[0], heights[-1])
+        )
         at_x, at_z, wide, deep = inside.T
         across, beside = (points[:, 0] - at_x) / wide, (points[:, 2] - at_z) / deep
         radius = np.hypot(across, beside)

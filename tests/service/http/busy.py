@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from scaling_service.service.jobs.kinds import Kind
+from scaling_service.capabilities.shared.job import Kind
 from scaling_service.service.sandbox.child import Progress
 from tests.service.jobs.tiny import TinyRequest
 

@@ -67,13 +67,12 @@ def all_done(service: Service) -> bool:
 
 RUNNING = """
 import sys
-from scaling_service.service.sandbox import supervisor
-supervisor.PRELOAD = "tests.service.jobs.tiny"  # warm at once: tiny jobs need little
 from scaling_service.service.jobs.process import log_as_json
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import open_store
 from scaling_service.service.jobs.settings import ServiceSettings
-from tests.service.jobs.tiny import TINY
+from tests.service.jobs.tiny import TINY, warm_little
+warm_little()
 settings = ServiceSettings.model_validate_json(sys.argv[1])
 Runner(open_store(settings), settings, kinds=TINY).run()
 """

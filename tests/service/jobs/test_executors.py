@@ -19,6 +19,7 @@ from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.store.errors import StoreUnavailable
 from tests.service.jobs.services import ROOT, ended, running, tiny_service, until
+from tests.service.jobs.tiny import warm_little
 
 NUMBER = 6
 
@@ -32,6 +33,10 @@ def settings(tmp_path: Path) -> ServiceSettings:
 def service(settings: ServiceSettings) -> Iterator[Service]:
     with tiny_service(settings) as made:
         yield made
+
+
+def make_pool() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(2, multiprocessing.get_context("spawn"), initializer=warm_little)
 
 
 def works(service: Service, make_executor: MakeExecutor | None) -> None:
@@ -62,14 +67,14 @@ def test_threads(service: Service) -> None:
 
 
 def test_processes(service: Service) -> None:
-    works(service, lambda: ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")))
+    works(service, make_pool)
 
 
 def test_a_pool_that_broke_is_made_anew(service: Service) -> None:
     pools = list[Executor]()
 
     def make() -> Executor:
-        pools.append(ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")))
+        pools.append(make_pool())
         return pools[-1]
 
     job = service.ask("lab", "tiny", {"number": 5, "seconds": 1.5})[0].id
@@ -90,6 +95,8 @@ def test_dask(service: Service, settings: ServiceSettings, monkeypatch: pytest.M
         with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
         ) as cluster:
+            with distributed.Client(cluster) as client:
+                client.run(warm_little)
             clustered = settings.model_copy(update={"dask_address": cluster.scheduler_address})
             works(service, choose_executor(clustered))
 

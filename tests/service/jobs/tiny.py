@@ -9,9 +9,8 @@ from typing import Any
 
 from pydantic import Field
 
-from scaling_service.capabilities.shared.job import Documents, JobRequest, Needed
+from scaling_service.capabilities.shared.job import Documents, JobRequest, Kind, Needed
 from scaling_service.core.errors import MarkerMissing
-from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.sandbox.child import Progress
 
 
@@ -50,3 +49,10 @@ TINY = {
     "tiny": Kind(request=TinyRequest, work=square, route="tiny"),
     "brief": Kind(request=TinyRequest, work=square, route="brief", brief=True),
 }
+
+
+def warm_little() -> None:
+    """Tiny jobs need little: a fork server of this process imports no more than they do."""
+    from scaling_service.service.sandbox import supervisor
+
+    supervisor.PRELOAD = __name__

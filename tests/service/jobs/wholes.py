@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic import Field
 
+from scaling_service.capabilities.shared.job import Kind, Parts
 from scaling_service.documents.base import PARTS
-from scaling_service.service.jobs.kinds import Kind, Parts
 from scaling_service.service.sandbox.child import Progress
 from tests.service.jobs.tiny import TINY, TinyRequest, square
 

@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
+from scaling_service.client import Client
 from scaling_service.service.http import site
 from tests.cli.serving import served
 from tests.service.page.node import packages
 from tests.service.page.visitor import Visitor
+from tests.service.page.walker import put_walker
 
 Visit = Callable[..., Visitor]
 
@@ -41,6 +43,14 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a service that several tests use, each with subjects of its own."""
     with served(tmp_path_factory.mktemp("page") / "data") as address:
         yield address
+
+
+@pytest.fixture(scope="session")
+def walked(url: str, example: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The job that compared a walker, ``walked``, by one method: to be looked at only."""
+    with Client(url) as client:
+        subject = put_walker(client, "walked", example / "lab", tmp_path_factory.mktemp("walked"))
+        return client.wait(client.ask("comparisons", subject=subject, methods=["MB"])).id
 
 
 @pytest.fixture(scope="session")

@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import requests
-
-from scaling_service.client import Client
+from scaling_service.files.trc import read_trc, write_trc
 from tests.service.page.conftest import Visit
-from tests.service.page.walker import fetch
+from tests.service.page.walker import FILES
 
 
-def cohort_folder(url: str, folder: Path) -> Path:
-    """Two persons with a subject file each, and a table that adds a group."""
-    requests.post(f"{url}/v1/examples?persons=2", timeout=30).raise_for_status()
-    for number, example in enumerate(("example", "example_2"), start=1):
+def cohort_folder(lab: Path, folder: Path) -> Path:
+    """Two persons with a subject file each, one larger than the other, and a table that adds a group."""
+    for number, size in enumerate((1.0, 1.05), start=1):
         place = folder / f"P{number}"
-        with Client(url) as client:
-            fetch(client, place, example)
+        place.mkdir(parents=True)
+        for name in FILES:
+            trial = read_trc(lab / name)
+            write_trc(place / name, trial.with_markers(size * trial.markers))
         document = {
             "subject": {"id": f"P{number}", "height_m": 1.7, "mass_kg": 60.0},
             "model": "lower_limb_14dof",
@@ -31,8 +30,8 @@ def cohort_folder(url: str, folder: Path) -> Path:
     return folder
 
 
-def test_a_folder_becomes_a_cohort(visit: Visit, url: str, tmp_path: Path) -> None:
-    folder = cohort_folder(url, tmp_path / "cohort")
+def test_a_folder_becomes_a_cohort(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
+    folder = cohort_folder(example / "lab", tmp_path / "cohort")
     visitor = visit(url)
     page = visitor.page
     visitor.go()

@@ -91,18 +91,10 @@ def test_a_marker_is_left_out_where_it_is_clicked(
     assert said == ["V:RKNE left out from 0.50 to 0.90 s, as the subject file says"]
 
 
-def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
+def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, walked: str) -> None:
     """Pointing at the map shows its time and lights its marker in picture and table."""
-    with Client(url) as client:
-        job = client.wait(
-            client.ask(
-                "comparisons",
-                subject=put_walker(client, "hovered", example / "lab", tmp_path),
-                methods=["MB"],
-            )
-        )
     visitor = visit(url)
-    visitor.go(f"jobs/{job.id}/space?trial=gait_1")
+    visitor.go(f"jobs/{walked}/space?trial=gait_1")
     visitor.sees("Worst:")
     plot = visitor.page.locator("figure .plot")
     plot.scroll_into_view_if_needed()
@@ -121,13 +113,11 @@ def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, example: 
     assert visitor.page.locator(".names span:not([hidden])").all_inner_texts() == [marker]
 
 
-def test_a_person_has_one_report(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
+def test_a_person_has_one_report(visit: Visit, url: str, walked: str, example: Path, tmp_path: Path) -> None:
     """What ran is in it with its own words, what did not is named; two sessions stand beside each other."""
     with Client(url) as client:
-        for name in ("before", "after"):
-            subject = put_walker(client, name, example / "lab", tmp_path)
-            job = client.wait(client.ask("comparisons", subject=subject, methods=["MB"]))
-        result = client.result(job)
+        subject = put_walker(client, "after", example / "lab", tmp_path)
+        result = client.result(client.wait(client.ask("comparisons", subject=subject, methods=["MB"])))
     visitor = visit(url)
     visitor.go("subjects/after/report")
     visitor.sees(result["verdict"]["headline"].split(":")[0])
@@ -136,8 +126,8 @@ def test_a_person_has_one_report(visit: Visit, url: str, example: Path, tmp_path
     length = result["methods"]["MB"]["segment_lengths_mm"]["femur_r"]
     row = visitor.page.get_by_role("row", name="femur, right").first
     assert f"{length:.1f}" in row.inner_text()
-    visitor.page.get_by_label("beside another session").select_option("before")
-    visitor.sees("after beside before")
+    visitor.page.get_by_label("beside another session").select_option("walked")
+    visitor.sees("after beside walked")
     both = visitor.page.get_by_role("row", name="femur, right").last.inner_text().split()
     assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
 
@@ -191,17 +181,9 @@ def test_heel_strikes_are_marked_and_cut_strides(
     assert "events" not in document(url, "struck")
 
 
-def test_a_stretch_of_a_curve_stands_in_the_address(
-    visit: Visit, url: str, example: Path, tmp_path: Path
-) -> None:
-    with Client(url) as client:
-        job = client.wait(
-            client.ask(
-                "comparisons", subject=put_walker(client, "zoomed", example / "lab", tmp_path), methods=["MB"]
-            )
-        )
+def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, walked: str) -> None:
     visitor = visit(url)
-    visitor.go(f"jobs/{job.id}/angles?over=gait_1&zoom=gait_1_knee_angle_r_deg~0.5~1")
+    visitor.go(f"jobs/{walked}/angles?over=gait_1&zoom=gait_1_knee_angle_r_deg~0.5~1")
     larger = visitor.page.get_by_label("Larger: knee angle, right")
     larger.wait_for()
     assert larger.get_attribute("aria-pressed") == "true"
@@ -250,16 +232,10 @@ def test_an_address_of_no_job_says_so(visit: Visit, url: str) -> None:
     visitor.sees("There is no such job")
 
 
-def test_the_worst_moment_is_the_frame_itself(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
+def test_the_worst_moment_is_the_frame_itself(visit: Visit, url: str, walked: str) -> None:
     """The button under the map leads to the very frame, and the stage says the same number."""
-    with Client(url) as client:
-        job = client.wait(
-            client.ask(
-                "comparisons", subject=put_walker(client, "worst", example / "lab", tmp_path), methods=["MB"]
-            )
-        )
     visitor = visit(url)
-    visitor.go(f"jobs/{job.id}/space?trial=gait_1")
+    visitor.go(f"jobs/{walked}/space?trial=gait_1")
     visitor.sees("Worst:")
     for k in range(3):
         button = visitor.page.locator(".actions", has_text="Worst:").get_by_role("button").nth(k)

@@ -15,8 +15,10 @@ from tests.service.page.conftest import Visit
 from tests.service.page.visitor import Visitor
 
 
-def test_corrected_labels_are_kept_for_the_laboratory(visit: Visit, url: str, tmp_path: Path) -> None:
-    visitor = bring(visit, url, recording(url, tmp_path), "first")
+def test_corrected_labels_are_kept_for_the_laboratory(
+    visit: Visit, url: str, example: Path, tmp_path: Path
+) -> None:
+    visitor = bring(visit, url, recording(example / "lab", tmp_path), "first")
     page = visitor.page
     row = page.get_by_role("row").filter(has=page.get_by_role("rowheader", name="RASIS", exact=True))
     row.get_by_label("Label of RASIS").select_option("q7")  # as somebody who slipped
@@ -33,12 +35,9 @@ def test_corrected_labels_are_kept_for_the_laboratory(visit: Visit, url: str, tm
     assert other.page.get_by_label("Label of RASIS").input_value() == taken
 
 
-def recording(url: str, folder: Path) -> Path:
+def recording(lab: Path, folder: Path) -> Path:
     """The example's person standing, with labels that say nothing."""
-    requests.post(f"{url}/v1/examples", timeout=30).raise_for_status()
-    answer = requests.get(f"{url}/v1/subjects/example/files/static.trc", timeout=30)
-    (folder / "static.trc").write_bytes(answer.content)
-    trial = read_trc(folder / "static.trc")
+    trial = read_trc(lab / "static.trc")
     labels = tuple(f"q{k}" for k in range(len(trial.labels)))
     write_trc(
         folder / "standing.trc",

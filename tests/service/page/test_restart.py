@@ -17,13 +17,13 @@ from tests.service.page.conftest import Visit
 from tests.service.page.visitor import Visitor
 
 
-def test_the_page_recovers_by_itself(visit: Visit, tmp_path: Path) -> None:
+def test_the_page_recovers_by_itself(visit: Visit, example: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.yaml").write_text("lease_s: 4\n", encoding="utf-8")  # soon taken for dead
     options = ("--port", str(free_port()), "--settings", str(tmp_path / "settings.yaml"))
     process, url = start(tmp_path / "data", *options)
     try:
         visitor = visit(url)
-        begins_a_job(visitor)
+        begins_a_job(visitor, example / "lab")
         kill(process)
         visitor.sees("The service does not answer")
         process, _ = start(tmp_path / "data", *options)
@@ -75,8 +75,9 @@ def lose(visitor: Visitor, lost: int) -> list[str]:
     return asked
 
 
-def begins_a_job(visitor: Visitor) -> None:
-    assert requests.post(f"{visitor.url}/v1/examples", timeout=30).json() == {"subjects": ["example"]}
+def begins_a_job(visitor: Visitor, lab: Path) -> None:
+    with Client(visitor.url) as client:
+        client.put_subject_file(lab / "subject.json")
     visitor.go("subjects/example/run")
     visitor.sees("Scale by several methods and compare them")  # after the files were looked at
     boxes = visitor.page.locator(".methods input")

@@ -15,14 +15,6 @@ from scaling_service.model.trial import Trial
 FILES = ("static.trc", "gait_1.trc")
 
 
-def fetch(client: Client, folder: Path, example: str = "example") -> None:
-    """The recordings of an example, as files."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in FILES:
-        content = client._call("GET", f"/v1/subjects/{example}/files/{name}").content
-        (folder / name).write_bytes(content)
-
-
 def put_walker(client: Client, subject: str, lab: Path, folder: Path, label: str | None = None) -> str:
     """Give the service such a subject of the example's files, with one label more on the thigh if named."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from scaling_service.capabilities.discovery.laws import candidates, loads, spots
 from scaling_service.capabilities.discovery.laws.profiles import make_law
@@ -150,7 +150,7 @@ def _shift_earlier(values: Array, times: Array, late: float) -> Array:
     known = np.isfinite(values).all(axis=(1, 2))
     if known.sum() < 4:
         return values
-    spline = CubicSpline(times[known], values[known])
+    spline = scipy.interpolate.CubicSpline(times[known], values[known])
     moved: Array = spline(np.clip(times + late, times[known][0], times[known][-1]))
     moved[~known] = np.nan
     return moved

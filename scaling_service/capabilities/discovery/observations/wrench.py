@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
 from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit
@@ -132,7 +132,9 @@ class WrenchFit:
         edge = 0.5 / self.cutoff_hz
         inside = (self.times >= self.times[0] + edge) & (self.times <= self.times[-1] - edge)
         reach = int(np.ceil(edge * self.tracked.trial.rate_hz))
-        spoilt = ndimage.binary_dilation(~known, iterations=reach) if reach and not known.all() else ~known
+        spoilt = (
+            scipy.ndimage.binary_dilation(~known, iterations=reach) if reach and not known.all() else ~known
+        )
         return np.asarray(inside & ~spoilt)
 
     @property

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 
 from scaling_service.capabilities.scaling.methods.image_points import find_imaged_spines
 from scaling_service.core.errors import SubjectInvalid
@@ -93,7 +93,7 @@ def fit_pelvis(
         gaps = (pairs.model - pairs.model.mean(axis=0)) * factors - (pairs.image - at) @ rotation
         return np.concatenate([whiten @ gaps.ravel(), x[:3] / _TURN, prior @ x[6:]])
 
-    found = least_squares(measure_gaps, np.zeros(9), x_scale="jac")
+    found = scipy.optimize.least_squares(measure_gaps, np.zeros(9), x_scale="jac")
     rotation, at, factors = lay(found.x)
     covariance = np.linalg.inv(found.jac.T @ found.jac)
     return PelvisFit(

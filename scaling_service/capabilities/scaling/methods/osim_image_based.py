@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from scaling_service.capabilities.scaling.methods import imaged_pelvis
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
@@ -235,7 +235,7 @@ def _register_shank(
         return float(np.linalg.norm(origin + turn @ ankle_at - target))
 
     angle = float(
-        minimize_scalar(
+        scipy.optimize.minimize_scalar(
             measure_gap, bounds=(-MOST_BENT, MOST_BENT), method="bounded", options={"xatol": 1e-9}
         ).x
     )

@@ -8,6 +8,7 @@ second is ``pi - b``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -28,12 +29,25 @@ _TREES = 32  # kept; as many as trees are
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Triplet:
-    """Three consecutive rotations; their angles are ``gain * coordinate + constant``."""
+    """Three consecutive rotations; their angles are ``gain * coordinate + constant``.
+
+    Or several such, one a row: each array then has one axis more.
+    """
 
     coordinates: NDArray[np.intp]  # (3,)
     gains: Array  # (3,): +1 or -1
     constants: Array  # (3,), rad
-    lead: float  # rad: about the second axis, from the first to the third
+    lead: float | Array  # rad: about the second axis, from the first to the third
+
+    @classmethod
+    def join(cls, some: Sequence[Triplet]) -> Triplet:
+        """Several as one, (n_triplets, 3)."""
+        return cls(
+            np.stack([each.coordinates for each in some]),
+            np.stack([each.gains for each in some]),
+            np.stack([each.constants for each in some]),
+            np.array([each.lead for each in some]),
+        )
 
     def write_otherwise(self, q: Array) -> Array:
         """The other triplet (..., 3) of the same rotation, each angle within half a turn of zero."""
@@ -144,11 +158,9 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     joined = q.copy()
     if not len(q):
         return joined
-    loose = np.array(
-        [k for k in find_turning(tree) if np.isinf(bounds[0][k]) and np.isinf(bounds[1][k])], int
-    )
-    for triplet in find_triplets(tree):
-        _join_triplet(triplet, joined, bounds, natural, neutral)
+    loose = np.flatnonzero(find_loose(tree, bounds))
+    if triplets := find_triplets(tree):
+        _join_triplets(Triplet.join(triplets), joined, bounds, natural, neutral)
     joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)
     # Full turns by which whole recordings (n, k) stand away from their ranges, or from the default
     turns = joined[:, loose]
@@ -181,34 +193,31 @@ def cross_stretches(tree: Tree, q: Array, stretches: NDArray[np.intp], bounds: B
     return crossed
 
 
-def _join_triplet(triplet: Triplet, q: Array, bounds: Bounds, natural: Bounds, neutral: Array) -> None:
-    """One triplet's coordinates rewritten in place.
+def _join_triplets(triplets: Triplet, q: Array, bounds: Bounds, natural: Bounds, neutral: Array) -> None:
+    """The coordinates of some triplets rewritten in place.
 
     From a frame to the next, either both keep their way or one changes it; what is nearer does not depend on
     how the frames before were written, so the ways are a running sum.
     """
-    own = triplet.coordinates
+    own = triplets.coordinates
     here = q[:, own]
-    other, allowed = write_within(triplet, here, bounds)
+    other, allowed = write_within(triplets, here, bounds)
     loose = np.isinf(bounds[0][own]) & np.isinf(bounds[1][own])
-    keep = _measure(here[1:] - here[:-1], loose)
-    change = _measure(other[1:] - here[:-1], loose)
-    changes = change < keep
-    written = np.cumsum(np.concatenate([[False], changes])) % 2 == 1
-    ways = []
-    for otherwise in (written, ~written):
-        if allowed[otherwise].all():
-            value = np.where(otherwise[:, None], other, here)
-            # How far a triplet (n, 3) leaves the ranges of its coordinates, and how far it is from the
-            # default.
-            lower, upper = (b[own] for b in natural)
-            middle = _find_middle(lower, upper, neutral[own])
-            near = middle + wrap(value - middle)
-            outside = np.maximum(lower - near, 0.0) + np.maximum(near - upper, 0.0)
-            away = float(np.square(wrap(value - neutral[own])).sum())
-            ways.append((((round(float(np.square(outside).sum()), 6), away)), value))
-    if ways and (changes.any() or len(ways) == 2):
-        q[:, own] = min(ways, key=lambda way: way[0])[1]
+    changes = _measure(other[1:] - here[:-1], loose) < _measure(here[1:] - here[:-1], loose)
+    first = np.cumsum(np.insert(changes, 0, False, axis=0), axis=0) % 2 == 1
+    # Either way (2, n, t) as a whole: whether it may be, how far it leaves the ranges, how far the default.
+    otherwise = np.stack([first, ~first])
+    value = np.where(otherwise[..., None], other, here)
+    possible = (allowed | ~otherwise).all(axis=1)
+    lower, upper = (b[own] for b in natural)
+    middle = _find_middle(lower, upper, neutral[own])
+    near = middle + wrap(value - middle)
+    outside = np.maximum(lower - near, 0.0) + np.maximum(near - upper, 0.0)
+    leaves = np.square(outside).sum(axis=(1, 3)).round(6)
+    away = np.square(wrap(value - neutral[own])).sum(axis=(1, 3))
+    nearer = (leaves[1] < leaves[0]) | ((leaves[1] == leaves[0]) & (away[1] < away[0]))
+    second = possible[1] & (nearer | ~possible[0])
+    q[:, own] = np.where(second[:, None], value[1], np.where(possible[0][:, None], value[0], here))
 
 
 def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDArray[np.bool_]]:
@@ -216,7 +225,7 @@ def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDA
     lower, upper = (b[triplet.coordinates] for b in bounds)
     # Angles turned into their bounds where one of their turns lies there.
     angle = triplet.write_otherwise(q)
-    middle = _find_middle(lower, upper, np.zeros(len(lower)))
+    middle = _find_middle(lower, upper, np.zeros(lower.shape))
     near = middle + wrap(angle - middle)
     off = np.maximum(lower - near, near - upper)
     other = np.asarray(np.where(off < _ROUNDING, np.clip(near, lower, upper), near))
@@ -224,10 +233,10 @@ def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDA
 
 
 def _measure(step: Array, loose: NDArray[np.bool_]) -> Array:
-    return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=1))
+    return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=-1))
 
 
 def _find_middle(lower: Array, upper: Array, otherwise: Array) -> Array:
-    """The middle of each range (k,), or another value where it has no end."""
+    """The middle of each range (...), or another value where it has no end."""
     both = np.isfinite(lower) & np.isfinite(upper)
     return np.where(both, 0.5 * (np.where(both, lower, 0.0) + np.where(both, upper, 0.0)), otherwise)

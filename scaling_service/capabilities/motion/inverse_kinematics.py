@@ -38,7 +38,6 @@ _FINE = sweep.SweepSettings(close=True)
 _PROBE = sweep.SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
 # Chosen: enough to see that limits hold a limb far off its markers
 _RELEASE = sweep.SweepSettings(left=2e-2, max_steps=3)
-_MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
@@ -151,13 +150,9 @@ def solve_task(
     doubts |= motion_doubts.find_outlying(
         part, natural.q, np.flatnonzero(natural.cost > _find_limit(natural.cost))
     )
-    far, jumps = (
-        motion_doubts.find_far(part, natural.q),
-        motion_doubts.find_jumps(part, moments, joined),
-    )
-    doubts |= far
-    sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
-    if sure or (
+    doubts |= motion_doubts.find_far(part, natural.q)
+    jumps = motion_doubts.find_jumps(part, moments, joined)
+    if jumps.any() or (
         doubts.any() and restarts.confirm_doubts(part, natural, doubts, _solver(within, rows, _PROBE))
     ):
         natural = restarts.choose_minima(part, moments, natural, doubts | jumps, _solver(within, rows))

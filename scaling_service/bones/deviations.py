@@ -14,8 +14,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from scaling_service.bones import fits
+from scaling_service.bones import edges, fits
 from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface
 from scaling_service.model.people import read_people
@@ -26,6 +27,8 @@ Mask = NDArray[np.bool_]
 GRAIN_M = 5e-3  # errors of a segmentation are alike over about so far; chosen, several voxels
 TURN = float(np.deg2rad(5.0))
 """About each axis across: by as much do axes of one bone differ between published frames, chosen."""
+_CAP = 0.25
+"""How far a surface may bulge out of a gap, as a share of its width. Chosen: a ball a quarter wider."""
 _ACROSS = float(np.sqrt(2.0 / 3.0))  # share of a distance in space that lies across a line
 
 
@@ -44,6 +47,16 @@ class Tip:
         """The tip, (3,), m."""
         return fits.find_tip(self.surface, self.direction, self.within, self.depth)
 
+    def is_cut(self) -> bool:
+        """Whether what a wide gap in this part lacks may reach further than the tip that is there."""
+        rims = self.surface.rims
+        reach = rims.points @ self.direction + _CAP * rims.widths
+        open_ = (rims.widths > edges.HOLE_M) & (reach > self.find() @ self.direction)
+        if not open_.any():
+            return False
+        away, _ = cKDTree(self.surface.smooth[self.within]).query(rims.points[open_])
+        return bool(away.min() < edges.NEAR_M)
+
     def deviate(self) -> float:
         """By the direction and the mesh, m: how far the tip goes when the direction turns by a deviation."""
         here, total = self.find(), 0.0
@@ -53,6 +66,13 @@ class Tip:
             total += float(np.mean([(tip - here) @ (tip - here) for tip in tips]))
         hole = 0.5 * self.surface.rims.measure_near(here)
         return float(np.sqrt(total + hole**2 + measure_mesh_error(self.surface, fits.WINDOW_M) ** 2))
+
+
+def find_tips(tips: Mapping[str, Tip]) -> tuple[dict[str, Array], dict[str, str]]:
+    """Those tips that the surface holds, each (3,), m, and why it does not hold the others."""
+    cut = [name for name, tip in tips.items() if tip.is_cut()]
+    why = "the surface ends there or has a hole, so that it need not be the landmark"
+    return {name: tip.find() for name, tip in tips.items() if name not in cut}, dict.fromkeys(cut, why)
 
 
 def measure_mesh_error(surface: Surface, radius: float) -> float:

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 Array = NDArray[np.float64]
 
-HOLE_M = 0.02  # chosen: a wider gap than a hole of the segmentation, narrower than a shaft or an iliac wing
+HOLE_M = 0.008  # chosen, a malleolus' radius: a whole tip, or the end of a fibula, is lost in a wider gap
 NEAR_M = 0.010  # chosen: edges of triangles and a blunt tip's size
 
 
@@ -44,14 +44,3 @@ def find_rims(points: Array, faces: NDArray[np.intp]) -> Rims:
     np.minimum.at(low, loop, points)
     np.maximum.at(high, loop, points)
     return Rims(points, np.linalg.norm(high - low, axis=1)[loop])
-
-
-def refuse_cut(points: dict[str, Array], rims: Rims) -> dict[str, str]:
-    """Takes out tips that lie where the surface is cut, and says so: beyond there may be more of the bone.
-
-    ``points``: tips to (3,), m, in the frame of the rims.
-    """
-    on_edge = [name for name, at in points.items() if rims.measure_near(at) > HOLE_M]
-    for name in on_edge:
-        del points[name]
-    return dict.fromkeys(on_edge, "the surface ends there, so that it need not be the landmark")

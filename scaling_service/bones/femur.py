@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones import condyles, cuts, fits, pieces, results
-from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
-from scaling_service.bones.edges import refuse_cut
+from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere, find_tips
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
@@ -202,8 +201,8 @@ def _collect(
             "epicondyle_lateral": Tip(surface, outwards, knee.distal),
             "epicondyle_medial": Tip(surface, -outwards, knee.distal),
         }
-        ends = {name: tip.find() for name, tip in tips.items()}
-        refused |= refuse_cut(ends, surface.rims)
+        ends, cut = find_tips(tips)
+        refused |= cut
         off |= {name: tips[name].deviate() for name in ends}
         points |= {name: surface.to_image(point) for name, point in ends.items()}
         notes += _note_axes(surface, knee, cylinders)

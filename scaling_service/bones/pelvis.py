@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scaling_service.bones import constellation, fits, results
 from scaling_service.bones import deviations as bones_deviations
 from scaling_service.bones import surface as surfaces
-from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.shapes import span_plane
 
 Array = NDArray[np.float64]
@@ -122,8 +121,8 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> result
         tips[f"asis_{side}"] = bones_deviations.Tip(surface, level.x, near & regions.ilium)
         tips[f"psis_{side}"] = bones_deviations.Tip(surface, -level.x, rear)
         tips[f"pubic_tubercle_{side}"] = bones_deviations.Tip(surface, corner, regions.pubis)
-    found = {name: tip.find() for name, tip in tips.items()}
-    refused = _refuse_uneven(found, frame) | refuse_cut(found, surface.rims)
+    found, refused = bones_deviations.find_tips(tips)
+    refused |= _refuse_uneven(found, frame)
     points |= found
     off |= {
         name: float(np.hypot(tips[name].deviate(), _BESIDE_SACRUM_M if sacrum and "psis" in name else 0.0))
@@ -363,6 +362,8 @@ def _refuse_uneven(points: dict[str, Array], frame: _Frame) -> dict[str, str]:
     """
     refused: dict[str, str] = {}
     for name in ("asis", "psis"):
+        if not {f"{name}_r", f"{name}_l"} <= points.keys():
+            continue
         right, left = points[f"{name}_r"] - frame.middle, points[f"{name}_l"] - frame.middle
         uneven = abs(float((right + left) @ frame.z)), abs(float((right - left) @ frame.y))
         if max(uneven) <= 0.35 * frame.half:  # chosen: 30 mm, five times what sides usually differ by

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scaling_service.bones import femur, pieces, results
 from scaling_service.bones import surface as surfaces
 from scaling_service.bones.cuts import is_cut
-from scaling_service.bones.deviations import TURN, Tip, add_definitions
-from scaling_service.bones.edges import refuse_cut
+from scaling_service.bones.deviations import TURN, Tip, add_definitions, find_tips
 from scaling_service.bones.fits import SHARP_M, find_spheres
 from scaling_service.bones.shank import ShankPose, find_shank_pose, measure_width
 
@@ -31,7 +30,13 @@ plateau that is not seen by 15 to 30 degrees, the fibula less; what is left of a
 tibia tips the plateau."""
 
 _AT_KNEE = ("plateau_medial", "plateau_lateral", "fibula_head")
-_AT_ANKLE = ("malleolus_medial", "malleolus_lateral", "ankle_centre")
+_AT_ANKLE = (
+    "malleolus_medial",
+    "malleolus_medial_prominence",
+    "malleolus_lateral",
+    "malleolus_lateral_prominence",
+    "ankle_centre",
+)
 _OF_FIBULA = ("malleolus_lateral", "malleolus_lateral_prominence", "fibula_head", "ankle_centre")
 
 _DEFINITIONS = {
@@ -104,8 +109,8 @@ def find_tibia_landmarks(
             low = height < height.min() + ANKLE_M
             tips["malleolus_lateral"] = Tip(fibula, -pose.y, low, depth=SHARP_M)
             tips["malleolus_lateral_prominence"] = Tip(fibula, pose.outwards, low, depth=SHARP_M, turn=turn)
-    points = {name: tip.find() for name, tip in tips.items()}
-    refused |= refuse_cut(points, surface.rims)
+    points, gone = find_tips(tips)
+    refused |= gone
     off = {name: tips[name].deviate() for name in points}
     _add_ankle(points, off, refused)
     deviations, axis_deviations = add_definitions(

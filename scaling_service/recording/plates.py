@@ -126,10 +126,11 @@ def _read_wrench(plate: RawPlate, *, turned: bool) -> tuple[Array, Array]:
 def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     """Wrenches in X forward, Y up, Z right, pushing the body up.
 
-    ``axes``: as decided for the markers of the session. ``forces``: in the laboratory's axes.
+    ``axes``: as decided for the markers of the session. ``forces``: in the laboratory's axes. Raises
+    TrialUnusable: a plate's corners go round the other way, so that it pulls whoever stands on it down.
     """
     normals = axes.rotate(forces.normals)
-    normals = np.where(normals[:, 1:2] < 0, -normals, normals)
+    upward = np.where(normals[:, 1:2] < 0, -normals, normals)
     force, moment = axes.rotate(forces.force), axes.rotate(forces.moment)
     repairs = [r for r in axes.repairs if r.what in ("up_axis", "forward_axis")]
     turned = forces.change(
@@ -137,11 +138,20 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
         force=force,
         moment=moment,
         surfaces=axes.rotate(forces.surfaces),
-        normals=normals,
+        normals=upward,
         corners=None if forces.corners is None else axes.rotate(forces.corners),
     )
     pressing = turned.pressing
-    if np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0)) < 0:
+    loads = np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0), axis=0)
+    for name, load, normal in zip(forces.plates, loads, normals, strict=True):
+        if load < 0.0 and normal[1] < 0.0:
+            raise errors.TrialUnusable(
+                f"the corners of {name} go round the other way: mirrored, it pulls people down",
+                file=forces.name,
+                field="FORCE_PLATFORM.CORNERS",
+                remedy="List them as C3D asks: of the plate's quadrants +x+y, -x+y, -x-y, +x-y, z downwards",
+            )
+    if loads.sum() < 0:
         note = trial.Repair(
             what="force_sign", where=forces.name, detail="forces pull the body down; they were turned round"
         )

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 from scaling_service.bones.images import assemble, read_bones
 from scaling_service.bones.results import MeshRefused
 from scaling_service.bones.whole import find_landmarks
-from scaling_service.capabilities.subject.images import place_images, read_images
+from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.cli.app import app
-from scaling_service.core.errors import FileUnreadable
+from scaling_service.core.errors import FileUnreadable, SubjectInvalid
 from scaling_service.files.segmentation import read_segmentation
 from scaling_service.model.builtin import load_builtin
 from tests.bones import bones
@@ -138,3 +138,23 @@ def test_a_subject_may_give_a_segmentation(legs: Path) -> None:
     assert {"hip_r", "knee_l", "ankle_r"} <= evidence.centres.keys() <= evidence.deviations.keys()
     assert set(evidence.bones) == {"femur_r", "femur_l", "tibia_r", "tibia_l"}
     assert any("spleen" in note for note in map(str, imaged.notes))
+
+
+@pytest.mark.parametrize("shift", [[0.03, 0.0, 0.02], [0.2, 0.0, 0.0]])
+def test_markers_of_another_frame_than_the_bones_are_refused(shift: list[float]) -> None:
+    model, found = load_builtin("lower_limb_14dof"), find_landmarks({"tibia_r": bones.metres(bones.tibia())})
+    at = {"RFH": "fibula_head", "RLM": "malleolus_lateral", "RMM": "malleolus_medial"}
+    x, y, z = shift
+    markers = {
+        name: ("tibia_r", (float(p[0]) + x, float(p[1]) + y, float(p[2]) + z))
+        for name, point in at.items()
+        for p in (found["tibia_r"].points[point],)
+    }
+    imaged = Imaged(landmarks=found, markers=markers)
+    if x < 0.1:
+        evidence = place_images(imaged, model, model.marker_names, {})
+        assert evidence is not None
+        assert evidence.markers == markers
+    else:
+        with pytest.raises(SubjectInvalid, match="its markers lie 200 mm from their landmarks"):
+            place_images(imaged, model, model.marker_names, {})

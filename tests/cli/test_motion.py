@@ -12,6 +12,8 @@ from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.document import to_document
 
 
 def test_motions_their_uncertainty_and_poses_are_written(
@@ -66,3 +68,11 @@ def test_labels_that_no_model_marker_has_are_mapped_by_an_option(
     message = capsys.readouterr().err
     assert "--marker MARKER=LABEL" in message
     assert str(folder / "odd.trc") in message
+
+
+def test_a_model_without_markers_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bare = to_document(load_builtin("lower_limb_14dof").with_markers(()))
+    (folder / "bare.json").write_text(json.dumps(bare), encoding="utf-8")
+    given = ["ik", str(folder / "bare.json"), str(folder / "walk.trc"), "--out", str(folder / "out")]
+    assert main(given) == EXIT_INPUT
+    assert "has no markers" in capsys.readouterr().err

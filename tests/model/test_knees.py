@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.frames import Frames, compute_knee_angles
+from scaling_service.model.anatomy.knees import list_stiff_knees
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.parameters import KneeKind, with_knee
@@ -78,3 +79,10 @@ def _coupled() -> BodyModel:
     body = leg(np.random.default_rng(0))
     renamed = tuple(replace(s, name="tibia_r" if s.name == "tibia" else s.name) for s in body.segments)
     return replace(body, segments=renamed, markers=())
+
+
+def test_a_knee_of_which_nothing_is_free_is_stiff() -> None:
+    model = load_builtin("full_body_35dof")
+    assert list(list_stiff_knees(model)) == []
+    locked = tuple(replace(c, locked=c.locked or c.name == "knee_angle_l") for c in model.coordinates)
+    assert list(list_stiff_knees(replace(model, coordinates=locked))) == ["knee_l"]

@@ -137,6 +137,15 @@ def test_ezc3d_finds_the_same_forces_on_a_calibrated_treadmill(shared_data: Path
     assert np.abs(centre[:, 1] - 0.5 * (low[1] + high[1])).max() < 0.08
 
 
+@pytest.mark.parametrize("order", [[1, 0, 3, 2], [3, 2, 1, 0]])
+def test_corners_that_go_round_the_other_way_are_refused(order: list[int]) -> None:
+    recording = type_2(np.zeros(3), np.zeros(3))
+    mirrored = replace(recording.plates[0], corners=recording.plates[0].corners[order])
+    found = compute_ground_forces(replace(recording, plates=(mirrored,)))
+    with pytest.raises(TrialUnusable, match="the corners of plate_1 go round the other way"):
+        orient_forces(UP_Z, found)
+
+
 @pytest.mark.parametrize(("trial", "turn"), [("Walking01", 1.0), ("Walking02", -1.0), ("Walking04", -1.0)])
 def test_the_authors_forces_are_found_again(shared_data: Path, trial: str, turn: float) -> None:
     folder = shared_data / "jia_mri"

@@ -193,3 +193,16 @@ def test_a_foot_over_the_edge_of_its_plate_is_borne_by_the_floor_too() -> None:
     assert not assign_plates(forces, FEET).over_edge.any()  # no file tells where its plates end
     unseen = np.concatenate([FEET["l"], np.full((N, 1, 3), np.nan)], axis=1)
     np.testing.assert_array_equal(measure_overhang(behind, unseen), measure_overhang(behind, FEET["l"]))
+
+
+@pytest.mark.parametrize("quarter", range(4))
+def test_a_plate_whose_corners_begin_at_another_one_is_told(quarter: int) -> None:
+    """Pressure turns about the middle of the plate, which lies 0.15 m before it and 0.12 m to the right."""
+    middle, off = np.array([0.25, 0.22]), np.array([-0.15, -0.12])
+    turned = middle + np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), quarter) @ off
+    forces = pressed([(LEFT, SECOND), ((turned[0] - 0.1, turned[1]), FIRST)])
+    surfaces = np.array([[0.7, 0.0, -0.1], [middle[0], 0.0, middle[1]]])
+    square = 0.4 * np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]])
+    found = replace(forces, surfaces=surfaces, corners=surfaces[:, None] + square)
+    told = [r.where for r in assign_plates(found, FEET).repairs if r.what == "turned_plate"]
+    assert told == ([] if quarter == 0 else ["plate_2"])

@@ -44,7 +44,10 @@ from scaling_service.recording.faults import FAULTS
 
 NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
-_NOTED = ("two_feet", "over_edge", "no_foot", "pressure_astray", "force_sign", "not_recorded", *FAULTS)
+_NOTED = (
+    "two_feet", "over_edge", "no_foot", "pressure_astray", "turned_plate", "force_sign", "not_recorded",
+    *FAULTS,
+)  # fmt: skip
 """Repairs of forces that bear on what the search may say."""
 
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"

@@ -35,8 +35,8 @@ _PREPARING = 0.3
 """Chosen: about the share of reading, scaling and inverse kinematics; the uncertainty takes the rest."""
 
 _WARNED_OF = (
-    "two_feet", "two_plates", "in_swing", "no_plate", "over_edge", "no_foot", "pressure_astray", "force_sign",
-    "not_recorded", *FAULTS,
+    "two_feet", "two_plates", "in_swing", "no_plate", "over_edge", "no_foot", "pressure_astray",
+    "turned_plate", "force_sign", "not_recorded", *FAULTS,
 )  # fmt: skip
 """Repairs of forces that a person should know of without opening the results."""
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
+from scaling_service.capabilities.subject.labels import find_elsewhere
 from scaling_service.model.anatomy import marker_sets
 from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.body import BodyModel
@@ -179,11 +180,12 @@ def identify_labels(
 def assign_extra_markers(
     unused: abc.Sequence[str], who: identifying.Identification, model: BodyModel
 ) -> list[documents.ExtraMarker]:
-    """The segment of each further label: as its marker set says, else as geometry tells.
+    """The segment of each further label: as its marker set says, unless geometry tells another.
 
     ``unused``: labels that no marker took; points that software computed are left out.
     """
     known = marker_sets.assign_tracking_segments(unused, model)
+    known = {label: s for label, s in known.items() if label not in find_elsewhere(known, model, who)}
     # A model's own segment for one of the whole body; None where it has none of that name.
     return [
         documents.ExtraMarker(

@@ -172,6 +172,8 @@ def ik(
 def _ask_whose_model(model: BodyModel, trial: Trial) -> abc.Iterator[Note]:
     """Whether the recording can be of the model's person: its markers in one pose are one more recording."""
     at = poses.pose_neutral_markers(model)
+    if not at:
+        return
     places = np.array([[at[name] for name in at]])
     likeness = Trial(name="the model", times=np.zeros(1), labels=tuple(at), markers=places, rate_hz=1.0)
     for found in ask_same_person((trial, likeness)):

@@ -5,14 +5,21 @@ from __future__ import annotations
 import dataclasses
 from collections import abc
 
+import numpy as np
+
 from scaling_service.bones import images, results, whole
+from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.model import body, trial
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.markers import match_labels
+from scaling_service.model.anatomy.markers import find_canonical, match_labels
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
+
+_OTHER_FRAME_M = 0.1
+"""Median distance of markers from their landmarks on the bones. Chosen: twice the largest of an MRI (18 to
+49 mm, skin and half a marker between them); bones in another frame give 0.1 to 0.6 m."""
 
 _BONES_UNUSED = Note(
     code="bones_unused",
@@ -79,7 +86,8 @@ def place_images(
     """What an image says of a model, under its names; None without landmarks.
 
     ``wanted``: markers to look for. ``marker_map``: model marker to label, as the subject file says. Markers
-    on segments that the model does not have are left out.
+    on segments that the model does not have are left out. Raises SubjectInvalid: markers and bones are not in
+    one frame.
     """
     if not imaged.landmarks:
         return None
@@ -92,7 +100,16 @@ def place_images(
         if (segment := find_body(model, bone) or bone) in model.segment_names
     }
     bones = {find_body(model, name) or name: trial.Bone(*shape) for name, shape in imaged.surfaces.items()}
-    return whole.collect_evidence(imaged.landmarks, markers, bones)
+    found = whole.collect_evidence(imaged.landmarks, markers, bones)
+    roles = {find_canonical(marker) or marker: np.array(at) for marker, (_, at) in markers.items()}
+    away = [np.linalg.norm(roles[n] - at) for n, at in found.landmarks.items() if n in roles]
+    if away and np.median(away) > _OTHER_FRAME_M:
+        raise SubjectInvalid(
+            f"its markers lie {1e3 * np.median(away):.0f} mm from their landmarks on the bones",
+            field="image_markers",
+            remedy="Give markers and bones in the frame and unit of one image, in mm",
+        )
+    return found
 
 
 def takes_bones(subject: Subject) -> bool:

@@ -24,6 +24,7 @@ from scaling_service.model import body, builtin
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy import key_points
 from scaling_service.model.anatomy.bones import assign_bones
+from scaling_service.model.anatomy.knees import list_stiff_knees
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.trial import Trial
 from scaling_service.recording import findings as recording_findings
@@ -162,8 +163,22 @@ def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Rec
         vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
         scale_setup=None if subject.scale_setup is None else read_scale_setup(subject.scale_setup),
         images=read_images(subject),
-        notes=(*(Note(code="model", problem=text) for text in model.notes), *of_bones),
+        notes=(
+            *(Note(code="model", problem=text) for text in model.notes),
+            *_tell_stiff_knees(model),
+            *of_bones,
+        ),
     )
+
+
+def _tell_stiff_knees(model: body.BodyModel) -> abc.Iterator[Note]:
+    for joint in list_stiff_knees(model):
+        yield Note(
+            code="stiff_knee",
+            place=joint,
+            problem="it does not move: what this knee does in recordings goes into other joints and markers",
+            remedy="Unlock its coordinate in the model, unless this person's knee is stiff",
+        )
 
 
 def understand(

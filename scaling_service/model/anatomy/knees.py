@@ -57,6 +57,18 @@ class SecondaryRotation:
     source: str
 
 
+def list_stiff_knees(model: body.BodyModel) -> abc.Iterator[str]:
+    """Joints between what is called a thigh and a shank of which no coordinate is free."""
+    table = _read_published()
+    free = {c.name for c in model.coordinates if not c.locked}
+    for segment in model.segments:
+        parent, name = segment.parent.lower(), segment.name.lower()
+        moving = {term.coordinate for joint in segment.joints for term in joint.law.terms}
+        is_knee = parent.startswith(tuple(table["parents"])) and name.startswith(tuple(table["children"]))
+        if is_knee and free.isdisjoint(moving):
+            yield segment.joint_name
+
+
 def list_knees(model: body.BodyModel) -> abc.Iterator[Knee]:
     """Joints between what is called a thigh and a shank.
 

@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import propagate
 from scaling_service.studies.muller2017.excitation import ExcitationSettings, make_excited_person
 from scaling_service.studies.muller2017.monte_carlo import UncertaintySettings, propagate_by_samples
 
-SECONDS, GIBIBYTES = 60.0, 2.0  # on two cores that do nothing else
+SECONDS, GIBIBYTES = 60.0, 2.0
 
 
 @pytest.mark.benchmark
@@ -37,4 +37,4 @@ def test_one_person_takes_a_minute() -> None:
     )
     assert peak <= GIBIBYTES
     np.testing.assert_allclose(ratio, 1.0, rtol=0.1)
-    assert cpu <= 2 * SECONDS
+    assert wall <= SECONDS

@@ -61,12 +61,11 @@ def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, 
             inside = np.arange(span.start, span.stop)[item.usable[span]]
             if len(inside) < _FEWEST:
                 continue
-            edges = 2.0 * math.log(max(weight * len(gains), 1.0))
             contact = _make_contact(contacts.Spell(item, inside, noise), name, point)
             candidate = Candidate(kind=KIND, where=(name,), columns=(), trials=(item.name,), change=contact)
             common = _UNDERFOOT if name in feet else 0.0
             places = 0.0 if name in known else math.log(len(names))
-            found.append((weight * gain, common - places - edges, candidate))
+            found.append((weight * gain, common - places - _count_spans(item), candidate))
     of_segment: dict[str, float] = defaultdict(float)
     for gain, odds, candidate in found:
         of_segment[candidate.where[0]] += gain + odds
@@ -88,7 +87,13 @@ def make_touch(fit: Fit, candidate: Candidate) -> Touch:
         columns=_press(item, contact.segment, np.array(contact.point)),
         sd=_FORCE_N_PER_KG * item.mass,
         wandering=np.maximum(missing[frames & item.usable].std(axis=0), _LEAST_N),
+        spans=_count_spans(item),
     )
+
+
+def _count_spans(item: WrenchFit) -> float:
+    """Logarithm of the number of spans of time that are told apart in a recording."""
+    return 2.0 * math.log(max(min(1.0, item.step / (2.0 * _LASTING_S)) * len(item.times), 1.0))
 
 
 def _press(item: WrenchFit, segment: str, point: Array) -> Array:

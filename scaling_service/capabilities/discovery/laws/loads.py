@@ -24,6 +24,10 @@ from scaling_service.numerics.wrench import GRAVITY
 
 _UNIT = np.eye(3)
 
+_ARM_M = 0.2
+"""What makes forces of moments about a plate's middle, so that its readings are of one unit (chosen: half a
+plate)."""
+
 
 class Plate(NamedTuple):
     """One plate: force and moment about the ground origin (n, 3), its middle (3,), its readings (n,)."""
@@ -141,6 +145,44 @@ class PlateTurn:
 
     def _point(self, middle: Array) -> Array:
         return middle if self.about == "middle" else np.zeros(3)
+
+
+@dataclass(frozen=True, slots=True)
+class PlateMisreading:
+    """A share of one of a plate's readings is added to another, or to itself.
+
+    Readings: its force, and its moment about its middle over 0.2 m. ``bent``: what is added grows with the
+    square of the reading, and is that share where it bears a body's weight.
+    """
+
+    plate: str
+    component: int
+    of: int
+    bent: bool = False
+
+    def column(self, fit: WrenchFit) -> Array:
+        """That reading as the other's, (n, 6)."""
+        wrench, middle = fit.plate(self.plate), fit.centre(self.plate)
+        moment = wrench[:, 3:] - np.cross(middle, wrench[:, :3])
+        reading = np.concatenate([wrench[:, :3], moment / _ARM_M], axis=1)[:, self.of]
+        if self.bent:
+            reading = np.square(reading) / (fit.mass * np.linalg.norm(GRAVITY))
+        made = np.zeros(6)
+        made[self.component] = 1.0 if self.component < 3 else _ARM_M
+        if self.component < 3:
+            made[3:] = np.cross(middle, _UNIT[self.component])
+        return np.outer(reading, made)
+
+
+@dataclass(frozen=True, slots=True)
+class PlateLate:
+    """A plate's readings come late by themselves: seconds."""
+
+    plate: str
+
+    def column(self, fit: WrenchFit) -> Array:
+        """Minus the rate of its wrench, (n, 6)."""
+        return -np.gradient(fit.plate(self.plate), fit.times, axis=0)
 
 
 @dataclass(frozen=True, slots=True)

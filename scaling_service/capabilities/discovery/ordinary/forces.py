@@ -6,6 +6,7 @@ with every candidate, so that none hides in the noise that it makes.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -63,6 +64,7 @@ _STILL = 0.1
 how well motion and forces agree in movement (chosen: standing sways by 0.01 to 0.05, a slow squat 0.5)."""
 
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
+_LIVELY = 3  # the same, of frames that are livelier than others
 
 
 _Key = tuple[Load, tuple[str, ...]]
@@ -79,6 +81,7 @@ class Touch:
     columns: Array  # (n, 6, 3): of a force along each axis, moment about the trunk
     sd: float  # of the constant force along each, N
     wandering: Array  # (3,): of its course about that, as it is seen, N
+    spans: float  # logarithm of the number of spans of time from which its own was chosen
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -286,6 +289,26 @@ class WrenchTable:
                 levels[owner] = math.sqrt(levels[owner] * anew)
         assert best is not None
         return best
+
+    def weigh_livelier(
+        self, none: ForceEvidence, named: Array, touches: Sequence[Touch], touching: Sequence[Touch]
+    ) -> float:
+        """Evidence where all components are as lively as they are seen in the frames of ``touches``.
+
+        That many frames were chosen is taken off. ``touching``: touches that are there.
+        """
+        lively, levels, nothing = copy.copy(self), none.levels, np.zeros((len(named), 0))
+        for _ in range(_LIVELY):  # it lowers the level of all other frames
+            scale, cost = self.sd * (self.of @ levels), 0.0
+            lively.sd = self.sd.copy()
+            for touch in touches:
+                rows, _ = self._find_rows(touch)
+                factor = np.maximum(np.sqrt(np.square(self.gap[rows] / scale[rows]).mean(axis=0)), 1.0)
+                lively.sd[rows] *= factor
+                cost += float((self.weight[rows] * np.log(factor)).sum()) + touch.spans
+            found = lively.weigh(named, nothing, np.zeros(0), touching)
+            levels = found.levels
+        return found.value - cost
 
     def _find_rows(self, touch: Touch) -> tuple[NDArray[np.intp], Array]:
         """The rows of the table that it touches, and what a force of 1 N does there, (n, 6, 3)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -28,6 +29,14 @@ everybody's."""
 _AGAIN = 16  # of the likeliest, for which levels are learnt anew (chosen: the lead is among them)
 
 
+class Touched(NamedTuple):
+    """Of a touch, alone or as one of all of the same segment, whichever is likelier."""
+
+    bayes: float  # log Bayes factor against nothing
+    beyond: float  # the same against forces that disagree more in its frames, of whatever course, too
+    together: float  # log Bayes factor of all of them
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Loads:
     """Candidates of the wrench against what is ordinary."""
@@ -36,7 +45,7 @@ class Loads:
     none: ForceEvidence  # without any of them
     scored: Sequence[Scored]  # each by itself beside what is named, everybody's share of it taken off
     mass: float  # log Bayes factor of the body's mass
-    touched: Sequence[float]  # log Bayes factors of touches, alone or as one of all of the same segment
+    touched: Sequence[Touched]
     named: Sequence[tuple[Estimate, Array]]  # estimated together, with the covariance of their sizes
     keys: Sequence[str]  # of candidates, as the table numbers them
 
@@ -70,6 +79,7 @@ def score_loads(
     fit: Fit,
     choice: Sequence[tuple[Candidate, Array]],
     named: Sequence[tuple[Estimate, Array]],
+    misread: Sequence[tuple[Candidate, Array]] = (),
     *,
     mass_sd: float,
     weighed: bool,
@@ -83,6 +93,8 @@ def score_loads(
     ----------
     choice, named : sequence
         With the prior deviations of their numbers.
+    misread : sequence
+        Plates whose readings are off, as named ones are taken into account.
     mass_sd : float
         Of the body's mass, a share, where it is wrong; ``weighed``: whether it is known to be; ``each``:
         whether recordings disagree about it.
@@ -91,14 +103,14 @@ def score_loads(
     touches : callable
         By what is ordinary of each component (6,) in each recording, those to be weighed.
     """
-    every = [*(c for c, _ in choice), *(e.candidate for e, _ in named)]
+    every = [c for c, _ in (*choice, *((e.candidate, sd) for e, sd in named), *misread)]
     table, keys = WrenchTable(fit, every), [c.key for c in every]
     own = table.numbers[len(choice) :]
-    for (effect, _), numbers in zip(named, own, strict=True):
+    for (effect, _), numbers in zip(named, own, strict=False):
         # the prior is about zero, not about the estimate
         table.add_back(numbers, effect.size)
     columns = table.expand([n for numbers in own for n in numbers])
-    sd = np.concatenate([np.zeros(0), *(sd for _, sd in named)])
+    sd = np.concatenate([np.zeros(0), *(sd for _, sd in (*named, *misread))])
     whole = table.weigh_body(each=each)
     known = np.concatenate([columns * sd, whole * mass_sd], axis=1) if weighed else columns * sd
     nothing = np.zeros((len(columns), 0))
@@ -114,18 +126,21 @@ def score_loads(
     of_mass = table.weigh(known, whole, np.full(whole.shape[1], mass_sd), touching).value - none.value
     noise = measure_noise(table, np.minimum(none.levels, 1.0))
     tried = touches({item.name: row for item, row in zip(fit.wrenches, noise, strict=True)})
-    of_touch = [
-        max(
-            table.weigh(known, nothing, np.zeros(0), [*touching, *chosen]).value / len(chosen)
-            - none.value / len(chosen)
-            for chosen in ([t], [other for other in tried if other.segment == t.segment])
-        )
-        for t in tried
-    ]
+
+    def weigh_touches(chosen: Sequence[Touch]) -> Touched:
+        value = table.weigh(known, nothing, np.zeros(0), [*touching, *chosen]).value - none.value
+        lively = table.weigh_livelier(none, known, chosen, touching) - none.value
+        return Touched(value / len(chosen), (value - max(lively, 0.0)) / len(chosen), value)
+
+    by_segment = {
+        segment: weigh_touches([t for t in tried if t.segment == segment])
+        for segment in dict.fromkeys(t.segment for t in tried)
+    }
+    of_touch = [max(weigh_touches([t]), by_segment[t.segment]) for t in tried]
     ends = np.cumsum([0, *map(len, own)]).tolist()
     estimated = [
         (Estimate(effect.candidate, none.size[a:b]), none.covariance[a:b, a:b])
-        for (effect, _), a, b in zip(named, ends[:-1], ends[1:], strict=True)
+        for (effect, _), a, b in zip(named, ends[:-1], ends[1:], strict=False)
     ]
     return Loads(
         table=table, none=none, scored=scored, mass=of_mass, touched=of_touch, named=estimated, keys=keys

@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -36,6 +36,7 @@ from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
+from scaling_service.capabilities.discovery.search.instruments import Prior, find_misreading
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
 from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces, is_of_markers
 from scaling_service.capabilities.dynamics.weight import Weight
@@ -55,6 +56,8 @@ LIVELY = "most like {}, which leaves its place livelier than others"
 DRIFTS = "most like {}, but of a size that changes in the course of a recording"
 GROWN = "most like {}, but of a size that nobody meets"
 ONE_OF_MANY = "most like {}, and as much like several others"
+MISREAD = "its readings are off as by no fault that is known; most simply, {}"
+UNLIKE = "in {} it is off between {:.2f} and {:.2f} s by more than elsewhere, as by no touch of the body"
 
 _TUNED, _IN_TUNE = 6, 0.005
 """Times that what swings is tuned and tracked anew, and the share of its frequency at which that ends
@@ -64,6 +67,13 @@ _TUNED, _IN_TUNE = 6, 0.005
 @dataclass(slots=True, eq=False, kw_only=True)
 class Search(Naming):
     """Labels, body and forces, one after the other."""
+
+    misread: list[tuple[Prior, str]] = field(default_factory=list)  # plates, and how in words
+    together: dict[str, float] = field(
+        default_factory=dict
+    )  # log odds of touches with others of their segment
+    # by their keys, as what is withdrawn: touches that explain less than forces that disagree in whatever way
+    unlike: dict[str, tuple[Candidate, tuple[str, ...], str]] = field(default_factory=dict)
 
     # Labels
 
@@ -243,6 +253,8 @@ class Search(Naming):
             self._remember(ranked, loads.square)
             if count == self.settings.most:
                 break
+            if self._find_misread(ranked):
+                continue
             classes = self._tell_classes(ranked, partial(compare_loads, loads))
             if not self._name_first(ranked, self._refit_forces, classes):
                 break
@@ -251,8 +263,11 @@ class Search(Naming):
     def _withdraw_of_forces(self, loads: Loads) -> tuple[WrenchTable, ForceEvidence]:
         """Without what changes in the course of a recording, has grown out of what is met, or is one of many.
 
-        What was named after it was found in what it left, and goes with it.
+        What was named after it was found in what it left, and goes with it. With what is like nothing known.
         """
+        self.withdrawn |= self.unlike
+        for (candidate, _), how in self.misread:
+            self.withdrawn[candidate.key] = candidate, candidate.where, MISREAD.format(how)
         ours, sizes = [n for n in self.named if not is_of_markers(n.candidate)], self.fit.by_key
         for k, one in enumerate(ours):
             of_forces, sd = is_of_forces(one.candidate), list_usual_deviations(one.candidate, self.fit.model)
@@ -281,18 +296,51 @@ class Search(Naming):
         before, after = (rms_by_place(f, trials, forces=True) for f in (fit, self.fit))
         return max(before, key=lambda c: (before[c] ** 2 - after[c] ** 2) / NOISE[COMPONENTS.index(c)] ** 2)
 
+    def _find_misread(self, ranked: Sequence[Ranked]) -> bool:
+        """Whether a plate that reads as by no known fault is likelier than the first that has the odds.
+
+        What was named of that plate is taken back.
+        """
+        passed = self.refused | self.fit.by_key.keys()
+        lead = next((r for r in ranked if r.candidate.key not in passed), None)
+        if lead is None or lead.odds < self.settings.odds:
+            return False
+        known = [prior for prior, _ in self.misread]
+        found = find_misreading(self.fit, self._list_named_loads(), known, self._list_touching())
+        if found is None or found[0] <= self.together.get(lead.candidate.key, lead.odds):
+            return False
+        _, prior, how = found
+        self.misread.append((prior, how))
+        taken = {n.key for n in self.named if n.candidate.where == prior[0].where}
+        for key in taken:
+            self._forget(key)
+        if taken:
+            self.fit = self._refit_forces(self.fit.without(taken).effects)
+        return True
+
+    def _list_named_loads(self) -> list[tuple[Estimate, Array]]:
+        """What is named of the wrench, with the prior deviations of its numbers."""
+        return [
+            (e, sd)
+            for e in self.fit.effects
+            if is_of_forces(e.candidate)
+            and (sd := list_usual_deviations(e.candidate, self.fit.model)) is not None
+        ]
+
+    def _list_touching(self) -> list[Touch]:
+        """Touches that are named."""
+        named = (e.candidate for e in self.fit.effects)
+        return [make_touch(self.fit, c) for c in named if isinstance(c.change, Contact)]
+
     def _rank_forces(self) -> tuple[Loads, list[Ranked]]:
         """All candidates of the wrench, those named estimated together."""
-        model = self.fit.model
+        model, misread = self.fit.model, [prior for prior, _ in self.misread]
+        unlike = {candidate.where for candidate, _ in misread}
         choice = [
             (c, sd)
             for c in propose_candidates(self.fit.scene)
-            if is_of_forces(c) and (sd := list_usual_deviations(c, model)) is not None
-        ]
-        named = [
-            (e, sd)
-            for e in self.fit.effects
-            if is_of_forces(e.candidate) and (sd := list_usual_deviations(e.candidate, model)) is not None
+            if is_of_forces(c) and c.where not in unlike
+            if (sd := list_usual_deviations(c, model)) is not None
         ]
         weight = balance_weight(self.fit)
         weighed = self._is_weighed()
@@ -305,15 +353,12 @@ class Search(Naming):
         loads = score_loads(
             self.fit,
             choice,
-            named,
+            self._list_named_loads(),
+            misread,
             mass_sd=find_usual_mass(self.fit.model),
             weighed=weighed,
             each=weight is not None and weight.disagree,
-            touching=[
-                make_touch(self.fit, e.candidate)
-                for e in self.fit.effects
-                if isinstance(e.candidate.change, Contact)
-            ],
+            touching=self._list_touching(),
             touches=list_touches,
         )
         if effects := self._move(self._settle(loads.named)):
@@ -323,10 +368,12 @@ class Search(Naming):
             Ranked(s.bayes - math.log(places[c.kind]), c, s)
             for (c, _), s in zip(choice, self._hear_declared(choice, loads, weight), strict=True)
         ]
-        ranked += [
-            Ranked(bayes + prior, candidate)
-            for bayes, (prior, candidate) in zip(loads.touched, contacts, strict=True)
-        ]
+        self.unlike = {}
+        for touched, (prior, candidate) in zip(loads.touched, contacts, strict=True):
+            ranked.append(Ranked(touched.beyond + prior, candidate))
+            self.together[candidate.key] = touched.together + prior
+            if touched.bayes + prior >= self.settings.odds > touched.beyond + prior:
+                self._keep_unlike(candidate)
         ranked.sort(key=lambda one: -one.odds)
         declared = None if weighed else self.origin.declared_kg
         mass = None if declared is None else make_candidate(self.fit, declared)
@@ -336,6 +383,16 @@ class Search(Naming):
             at = place_mass(ranked, of_mass, disagree=weight.disagree) if likely else len(ranked)
             ranked.insert(at, of_mass)
         return loads, ranked
+
+    def _keep_unlike(self, candidate: Candidate) -> None:
+        """What a touch would explain, and forces that disagree there in whatever way explain better."""
+        contact = candidate.change
+        assert isinstance(contact, Contact)
+        item = next(w for w in self.fit.wrenches if candidate.holds_in(w.name))
+        inside = item.usable & (item.times >= contact.start_s) & (item.times <= contact.end_s)
+        most = np.square(item.residuals[inside] / np.array(contact.noise)).mean(axis=0).argmax()
+        reason = UNLIKE.format(item.name, contact.start_s, contact.end_s)
+        self.unlike[candidate.key] = candidate, (COMPONENTS[most],), reason
 
     def _hear_declared(
         self, choice: Sequence[tuple[Candidate, Array]], loads: Loads, weight: Weight | None

@@ -129,7 +129,7 @@ def score_loads(
 
     def weigh_touches(chosen: Sequence[Touch]) -> Touched:
         value = table.weigh(known, nothing, np.zeros(0), [*touching, *chosen]).value - none.value
-        lively = table.weigh_livelier(none, known, chosen, touching) - none.value
+        lively = table.weigh_livelier(none, known, chosen, touching) - none.value if value > 0.0 else 0.0
         return Touched(value / len(chosen), (value - max(lively, 0.0)) / len(chosen), value)
 
     by_segment = {

@@ -297,17 +297,18 @@ class Search(Naming):
         return max(before, key=lambda c: (before[c] ** 2 - after[c] ** 2) / NOISE[COMPONENTS.index(c)] ** 2)
 
     def _find_misread(self, ranked: Sequence[Ranked]) -> bool:
-        """Whether a plate that reads as by no known fault is likelier than the first that has the odds.
+        """Whether a plate that reads as by no known fault is likelier than all that could be named.
 
         What was named of that plate is taken back.
         """
         passed = self.refused | self.fit.by_key.keys()
-        lead = next((r for r in ranked if r.candidate.key not in passed), None)
-        if lead is None or lead.odds < self.settings.odds:
+        odds = {r.candidate.key: r.odds for r in ranked if r.odds >= self.settings.odds}
+        best = max((self.together.get(key, odds[key]) for key in odds.keys() - passed), default=None)
+        if best is None:
             return False
         known = [prior for prior, _ in self.misread]
         found = find_misreading(self.fit, self._list_named_loads(), known, self._list_touching())
-        if found is None or found[0] <= self.together.get(lead.candidate.key, lead.odds):
+        if found is None or found[0] <= best:
             return False
         _, prior, how = found
         self.misread.append((prior, how))
@@ -370,9 +371,10 @@ class Search(Naming):
         ]
         self.unlike = {}
         for touched, (prior, candidate) in zip(loads.touched, contacts, strict=True):
-            ranked.append(Ranked(touched.beyond + prior, candidate))
+            told = touched.beyond + prior >= self.settings.odds
+            ranked.append(Ranked((touched.bayes if told else touched.beyond) + prior, candidate))
             self.together[candidate.key] = touched.together + prior
-            if touched.bayes + prior >= self.settings.odds > touched.beyond + prior:
+            if touched.bayes + prior >= self.settings.odds and not told:
                 self._keep_unlike(candidate)
         ranked.sort(key=lambda one: -one.odds)
         declared = None if weighed else self.origin.declared_kg

@@ -9,6 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.document import UnexplainedDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.body import RESTUCK_M
@@ -52,6 +53,7 @@ def list_unexplained(
         others = sum(j[1] == marker for j in jumps) - 1
         law = f"in {trial} it jumps by {1e3 * size:.0f} mm at {at:.2f} s and stays there"
         found.append((odds, (marker,), marker, f"{law}{f'; so it does in {others} more' if others else ''}"))
+    said = {where: reason.format(_call(c)) for c, where, reason in search.withdrawn.values()}
     if forces is not None:
         table, evidence = forces
         lively = np.log(evidence.levels) / (table.shared @ table.spread)
@@ -61,7 +63,7 @@ def list_unexplained(
                 trial, level = fit.wrenches[row].name, float(evidence.levels[row, k])
                 rms[component] = rms_by_place(fit, [trial], forces=True)[component]
                 floors[component] = yardstick[trial][component][0] / level
-                found.append((math.log(level), (component,), component, ""))
+                found.append((math.log(level), (component,), component, said.get((component,), "")))
     off: dict[tuple[str, ...], float] = {}  # of faults whose size the readings tell
     for where, places, law, size in _list_faults(fit):
         if shown := [p for p in places if p in floors]:
@@ -77,7 +79,7 @@ def list_unexplained(
             every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
             if shown := [p for p in every if p in rms]:
                 most = max(shown, key=lambda p: rms[p] / floors[p])
-                found.append((0.0, where, most, reason.format(c.kind.replace("_", " "))))
+                found.append((0.0, where, most, reason.format(_call(c))))
     made = []
     for _, where, place, law in sorted(found, reverse=True):
         observable = classify_place(place)
@@ -93,6 +95,10 @@ def list_unexplained(
             )
         )
     return tuple(made)
+
+
+def _call(candidate: Candidate) -> str:
+    return candidate.kind.replace("_", " ")
 
 
 def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str, float]]:

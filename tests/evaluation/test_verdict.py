@@ -14,9 +14,9 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
     Following,
     MethodEvidence,
     Moment,
-    Verdict,
 )
 from scaling_service.capabilities.scaling.comparison.verdict import STRANGE, judge
+from scaling_service.documents.results import VerdictDocument
 
 BOTH = frozenset({"hip_r", "knee_r", "ankle_r", "hip_l", "knee_l", "ankle_l"})
 
@@ -47,7 +47,7 @@ def verdict(
     imaged: frozenset[str] = frozenset(),
     usual_lengths: Mapping[str, float] = MappingProxyType({}),
     contradictions: tuple[str, ...] = (),
-) -> Verdict:
+) -> VerdictDocument:
     return judge(Evidence(methods, imaged, usual_lengths, contradictions))
 
 
@@ -87,7 +87,7 @@ def test_what_people_say_more_of_than_recordings_is_leant_on() -> None:
         (verdict(MAP, contradictions=("femur_r is 421 mm by the bones",)), "femur_r is 421 mm by the bones."),
     ],
 )
-def test_what_keeps_it_from_deciding_is_said_first(found: Verdict, said: str) -> None:
+def test_what_keeps_it_from_deciding_is_said_first(found: VerdictDocument, said: str) -> None:
     assert found.strength == "undecided"
     assert said in found.why[0]
     assert not found.headline.startswith("Use ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,9 +108,9 @@ class GroundForces:
         pressing = np.where(loaded, self.pressing, np.nan)
         return self.surfaces + np.cross(self.normals, about) / pressing[..., None]
 
-    def change(self, *repairs: Repair, **fields: object) -> GroundForces:
+    def change(self, *repairs: Repair, **fields: Any) -> GroundForces:
         """The same with some fields replaced and what was done noted."""
-        return dataclasses.replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
+        return dataclasses.replace(self, repairs=self.repairs + repairs, **fields)
 
 
 def list_plate_names(count: int) -> tuple[str, ...]:

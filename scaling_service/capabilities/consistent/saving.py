@@ -43,10 +43,9 @@ def save_consistent(
             x, y, z = factors.get(name, (1.0, 1.0, 1.0))
             factors[name] = (factor * x, factor * y, factor * z)
         notes = saving.write_massive_model(scratch, result.model, results.prepared, factors)
-        written = sorted(path.name for path in scratch.iterdir())
-        warnings = [*results.document.warnings, *notes]
-        document = results.document.model_copy(update={"files": written, "warnings": warnings})
-        writing.write_json(scratch / FILE_NAME, document)
+        document = saving.write_document(
+            scratch / FILE_NAME, results.document, [*results.document.warnings, *notes]
+        )
         if report:
             # `report.html`: the result's views with the ground wrench over time.
             files = onefile.collect_files(lambda folder: write_wrenches(results, folder, brief=True))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import abc
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from scaling_service.capabilities.dynamics import result, words
 from scaling_service.capabilities.dynamics.start import Prepared
@@ -26,6 +28,8 @@ from scaling_service.report import onefile
 FILE_NAME = "dynamics.json"
 
 RESIDUALS_FILE = f"{FOLDER}/residuals.json"
+
+Written = TypeVar("Written", bound=BaseModel)
 
 
 def save_dynamics(
@@ -72,10 +76,7 @@ def save_dynamics(
             scaling = results.prepared.calibration
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
-        written = sorted(path.name for path in scratch.iterdir())
-        warnings = [*results.document.warnings, *notes]
-        document = results.document.model_copy(update={"files": written, "warnings": warnings})
-        writing.write_json(scratch / FILE_NAME, document)
+        document = write_document(scratch / FILE_NAME, results.document, [*results.document.warnings, *notes])
         if report:
             # `report.html`: the check's views with the residuals over time.
             files = onefile.collect_files(lambda folder: write_residuals(results, folder, brief=True))
@@ -87,6 +88,14 @@ def save_dynamics(
                 files=files,
                 beside=document.files,
             ).write(scratch)
+    return document
+
+
+def write_document(path: Path, document: Written, warnings: list[str]) -> Written:
+    """Write a result's document with the names of what lies beside it and all warnings; it as written."""
+    files = sorted(file.name for file in path.parent.iterdir())
+    document = document.model_copy(update={"files": files, "warnings": warnings})
+    writing.write_json(path, document)
     return document
 
 

@@ -105,7 +105,7 @@ def score_loads(
     """
     every = [c for c, _ in (*choice, *((e.candidate, sd) for e, sd in named), *misread)]
     table, keys = WrenchTable(fit, every), [c.key for c in every]
-    own = table.numbers[len(choice) :]
+    own = table.numbers[len(choice) :]  # of what is named, then of plates that misread
     for (effect, _), numbers in zip(named, own, strict=False):
         # the prior is about zero, not about the estimate
         table.add_back(numbers, effect.size)

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import checks, labels, reading
+from scaling_service.capabilities.subject import checks, reading
 from scaling_service.capabilities.subject import rotations as subject_rotations
 from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
@@ -20,7 +20,7 @@ from scaling_service.core.notes import Note
 from scaling_service.files import model_json, recording
 from scaling_service.files.osim import models
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.model import body, builtin
+from scaling_service.model import body, builtin, labels
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy import key_points
 from scaling_service.model.anatomy.bones import assign_bones
@@ -32,6 +32,7 @@ from scaling_service.recording import orientation as orientations
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.identity.identify import Identification
+from scaling_service.recording.identity.tracking import with_tracking_markers
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
@@ -90,7 +91,6 @@ class Understood:
     """
 
     subject: subjects.Subject
-    model: body.BodyModel
     trials: abc.Mapping[Path, Trial]
     labels: abc.Mapping[str, tuple[str, ...]]
     clusters: abc.Mapping[str, tuple[str, ...]]
@@ -142,7 +142,7 @@ def load(
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
-    findings = question(understood)
+    findings = question(understood, files.model)
     return prepare(understood, findings, files, settings.processing)
 
 
@@ -156,6 +156,7 @@ def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Rec
     labels.check_segments(subject, model)
     recordings = read_recordings(subject, known)
     every = [label for found in recordings.values() for label in found.labels]
+    labels.check_explicit(subject, model, every)
     return Files(
         model=labels.without_computed(key_points.add_key_points(model, every), subject),
         recordings=recordings,
@@ -202,15 +203,15 @@ def understand(
     subject, of_sizes = reading.with_stated_sizes(subject, recordings)
     of_tracking: tuple[Note, ...] = ()
     if marked:
-        labels.check_explicit(subject, model, list(marked.values()))
         static = None if files.static is None else marked.get(files.static)
         movements = [found for path, found in marked.items() if path != files.static]
-        subject, of_tracking = labels.with_tracking_markers(subject, model, static, movements, who)
+        subject, of_tracking = with_tracking_markers(subject, model, static, movements, who)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
     clusters = labels.sort_by_segment(model, subject)
-    named = reading.apply_to_each(
-        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked
-    )
+    named = {}
+    for path, found in marked.items():
+        with reading.blame_file(path, [path]):
+            named[path] = labels.with_model_names(found.trial, wanted, subject, path)
     if marked:
         axes = decide_axes(
             {path: trial for path, (trial, _) in named.items()},
@@ -235,7 +236,6 @@ def understand(
         of_axes = (Note(code="lying", problem=said),)
     return Understood(
         subject=subject,
-        model=model,
         trials={
             path: orientations.apply(axes, named[path][0])
             if path in named
@@ -255,7 +255,7 @@ def understand(
     )
 
 
-def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
+def question(understood: Understood, model: body.BodyModel) -> tuple[recording_findings.Finding, ...]:
     """What the recordings show that those of one sound person do not.
 
     Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
@@ -270,11 +270,11 @@ def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
         clusters=understood.clusters,
         static=trials[subject.static].name if subject.static in trials else None,
         stated=recording_findings.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
-        model=understood.model,
+        model=model,
     )
     with reading.blame_file(None, list(trials)):
         for trial in trials.values():
-            checks.refuse_one_spot(understood.model, trial)
+            checks.refuse_one_spot(model, trial)
         checks.refuse_repeated(trials, subject)
         return recording_findings.refuse(person.ask(given))
 
@@ -286,9 +286,7 @@ def prepare(
     settings: ProcessingSettings,
 ) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and add what else the files hold."""
-    subject = understood.subject
-    model = understood.model
-    placed = labels.list_placed(model, subject, understood.trials.values())
+    subject, model = understood.subject, files.model
     ready = reading.apply_to_each(
         lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
         understood.trials,
@@ -309,6 +307,7 @@ def prepare(
         images = place_images(files.images, model, followed, subject.marker_map)
     seen = [label for trial in marked for label in trial.shown_labels]
     of_video = key_points.tell_key_points(model, seen)
+    placed = labels.list_placed(model, subject, understood.trials.values())
     model, of_freedoms = builtin.lock_unmarked(model, placed)
     session = subjects.Session(
         subject=subject,

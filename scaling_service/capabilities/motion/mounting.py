@@ -22,7 +22,6 @@ import numpy as np
 from scaling_service.capabilities.motion import everyday, frames
 from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.beside_markers import find_beside_markers, share_world
-from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
@@ -173,7 +172,7 @@ def _choose(
             task = replace(task, bounds=compiling.list_coordinate_ranges(placed))
             neutral = compiling.repeat_default_pose(placed, 1)[0]
             start = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
-            solution = solve_from(task, slice(None), start, settings=_ROUGH)
+            solution = task.solve(start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
         angle = float(
@@ -235,7 +234,7 @@ def _solve(
     neutral = compiling.repeat_default_pose(model, 1)[0]
     within = replace(task, bounds=compiling.list_coordinate_ranges(model))
     start_q = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
-    posterior = solve_posterior(problem, solve_from(within, slice(None), start_q).q, task.p)
+    posterior = solve_posterior(problem, within.solve(start_q).q, task.p)
     values = dict(zip(prior.names, posterior.p.tolist(), strict=True))
     parameters = tuple(replace(p, value=values[p.name]) for p in model.parameters)
     level = float(np.sqrt(posterior.misfit / posterior.freedom)) if posterior.freedom > 0.0 else 1.0

@@ -9,7 +9,6 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion import branches, doubts
-from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import compute_marker_rates
 from scaling_service.core.arrays import Array
@@ -68,7 +67,7 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
         if not len(rows):
             break
-        q = found.q.copy()
+        q, part = found.q.copy(), task.in_frames(rows)
         # Coordinates in some rows, linear in time between those that are kept
         q[rows] = np.where(
             moving, np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1), q[rows]
@@ -76,11 +75,9 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         for share in _SHARES:
             # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
-            q[rows] = solve_from(
-                task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)
-            ).q
+            q[rows] = part.solve(q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
         cost = found.cost.copy()
-        cost[rows] = solve_from(task, rows, q[rows], settings=_LOOK).cost
+        cost[rows] = part.solve(q[rows], settings=_LOOK).cost
         likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
         better = np.where(likelier[:, None], q, found.q)
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))

@@ -1,8 +1,8 @@
-"""What inverse kinematics solves: one model, one recording, the markers to follow, and where to start."""
+"""What inverse kinematics solves: one model, one recording, the markers to follow; and how it is solved."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +15,17 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares import problem
-from scaling_service.numerics.multibody import laws, rigid
+from scaling_service.numerics.least_squares import estimator, problem
+from scaling_service.numerics.multibody import laws, rigid, sweep
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.plan import is_plain
-from scaling_service.numerics.multibody.sweep import is_articulated
+
+ROUGH = sweep.SweepSettings(left=2e-2)
+"""Enough to tell one minimum from another."""
+
+_OPEN = 1e-2  # m or rad; chosen: from so near a loop closes without a detour
+_LOOSE = estimator.Settings(relative_decrease=1e-3)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -98,15 +103,80 @@ class Task:
     @property
     def is_swept(self) -> bool:
         """Whether sweeps over the tree solve it: coordinates in one link each, plain squares, no loops."""
-        return is_articulated(self.tree) and self.loss is problem.SQUARED and self.closure is None
+        return sweep.is_articulated(self.tree) and self.loss is problem.SQUARED and self.closure is None
 
     def at(self, p: Array) -> Task:
         """The same task at other parameter values, shape (n_parameters,)."""
         return replace(self, p=p)
 
-    def in_frames(self, rows: NDArray[np.intp]) -> Task:
-        """The same task in some frames."""
+    def in_frames(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Task:
+        """The same task in some frames, which may come again."""
         return replace(self, measured=self.measured[rows], ranges=self.ranges.in_frames(rows))
+
+    def solve(
+        self,
+        start: Array,
+        *,
+        settings: sweep.SweepSettings = sweep.SweepSettings(),
+        prior: tuple[Array, Array] | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> sweep.MotionSolution:
+        """All frames from a start (n_frames, n_coordinates), each to the minimum nearest to it.
+
+        ``prior``: values and weights of the coordinates beside the markers, in place of the joints' ranges.
+        ``progress``: called with the number of frames done.
+        """
+        prior = self.ranges.prior if prior is None else prior
+        if not self.is_swept:
+            return _solve_densely(self, start, prior)
+        return sweep.solve_motion(
+            self.tree,
+            self.measured,
+            self.weights,
+            start,
+            self.p,
+            free=self.free,
+            bounds=self.bounds,
+            prior=prior,
+            settings=settings,
+            progress=progress,
+        )
+
+
+def _solve_densely(task: Task, start: Array, prior: tuple[Array, Array] | None) -> sweep.MotionSolution:
+    """By the general estimator: coordinates that enter several links, closed loops, and robust losses.
+
+    Where a loop is open at the start, it first counts as one more marker: to close it at once would forget
+    the markers.
+    """
+    none, nothing = np.zeros(0), np.zeros(0, dtype=np.intp)
+    dense = problem.Problem(
+        tree=task.tree,
+        measured=task.measured,
+        weights=task.weights,
+        coordinates=np.flatnonzero(task.free),
+        parameters=nothing,
+        scale=none,
+        lower=none,
+        upper=none,
+        prior_weight=none,
+        coordinate_bounds=task.bounds,
+        loss=task.loss,
+        coordinate_prior=prior
+        and (
+            np.broadcast_to(prior[0], start.shape),
+            np.broadcast_to(prior[1], start.shape),
+        ),
+        closure=task.closure,
+    )
+    if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
+        start = estimator.solve_motion_alone(replace(dense, closed=False), start, task.p, _LOOSE).q
+    found = estimator.solve_motion_alone(dense, start, task.p, estimator.Settings(relative_decrease=1e-7))
+    gap = task.measured - trees.pose_markers(task.tree, found.q, task.p)
+    cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
+    return sweep.MotionSolution(
+        found.q, cost, np.full(len(cost), found.steps), np.ones(len(cost), dtype=bool)
+    )
 
 
 def guess_start(

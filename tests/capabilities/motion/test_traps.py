@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.capabilities.motion.inverse_kinematics import free_trapped
+from scaling_service.capabilities.motion.neighbours import free_trapped
 from scaling_service.numerics.multibody.sweep import MotionSolution
+from tests.capabilities.motion.solvers import answer_by
 
 GOOD, WRONG = 1.0, -1.0
 
@@ -27,7 +28,7 @@ def test_a_long_stretch_is_freed_from_both_ends() -> None:
         calls.append(len(rows))
         return found(starts[:, 0])  # whoever starts from a good pose ends there
 
-    free = free_trapped(found(poses), solve)
+    free = free_trapped(found(poses), answer_by(solve, len(poses)))
     assert (free.q[:, 0] == GOOD).all()
     assert (free.cost == 1e-4).all()
     assert sum(calls) == 70, "no frame is solved twice"
@@ -42,7 +43,7 @@ def test_frames_that_cannot_be_freed_do_not_go_on_for_ever() -> None:
         tries.extend(rows.tolist())
         return found(np.full(len(rows), WRONG))
 
-    free = free_trapped(found(poses), solve)
+    free = free_trapped(found(poses), answer_by(solve, len(poses)))
     assert (free.q[30:40, 0] == WRONG).all()
     assert sorted(tries) == [30, 39], "only those beside a good frame, once"
 
@@ -54,4 +55,5 @@ def test_a_worse_solution_is_not_taken() -> None:
         answer = found(starts[:, 0])
         return MotionSolution(answer.q, answer.cost + 1.0, answer.steps, answer.converged)
 
-    assert np.array_equal(free_trapped(found(poses), solve).q, found(poses).q)
+    freed = free_trapped(found(poses), answer_by(solve, len(poses)))
+    assert np.array_equal(freed.q, found(poses).q)

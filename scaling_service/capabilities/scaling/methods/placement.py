@@ -10,7 +10,6 @@ import numpy as np
 from scaling_service.capabilities.motion import ranges
 from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
-from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, parameters
@@ -232,8 +231,7 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
     def solve(start: Array, bounds: tuple[Array, Array]) -> sweep.MotionSolution:
-        repeated = replace(task, measured=measured, bounds=bounds)
-        return solve_from(repeated, slice(None), start, settings=_EXACT, prior=prior)
+        return replace(task, measured=measured, bounds=bounds).solve(start, settings=_EXACT, prior=prior)
 
     found = solve(solve(np.clip(starts, *natural), natural).q, task.bounds)
     return found.q[[int(np.argmin(found.cost))]]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.branches import find_rotations
-from scaling_service.capabilities.motion.neighbours import find_limit
+from scaling_service.capabilities.motion.solving import find_limit, solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
@@ -114,8 +114,8 @@ def find_held(task: Task, q: Array) -> NDArray[np.bool_]:
     rows = np.flatnonzero(at_end.any(axis=1))
     if len(rows):
         without = (np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf))
-        free = replace(task.in_frames(rows), bounds=without).solve(q[rows], settings=_RELEASE)
-        released = measure_limbs(task, rows, free.q)
+        free = replace(task.in_frames(rows), bounds=without)
+        released = measure_limbs(task, rows, solve_from(free, q[rows], settings=_RELEASE).q)
         least = np.array([task.weights[limb.markers].sum() for limb in limbs]) * CAMERA_M**2
         now = measure_limbs(task, rows, q[rows])
         whole = now.max(axis=1, keepdims=True)

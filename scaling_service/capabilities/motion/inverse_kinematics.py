@@ -18,8 +18,14 @@ from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
 from scaling_service.capabilities.motion.everyday import follow_everyday
-from scaling_service.capabilities.motion.neighbours import follow_neighbours, free_trapped
-from scaling_service.capabilities.motion.task import ROUGH, Task, guess_start
+from scaling_service.capabilities.motion.solving import (
+    ROUGH,
+    follow_neighbours,
+    free_trapped,
+    guess_start,
+    solve_from,
+)
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.model import compile as compiling
@@ -105,7 +111,7 @@ def solve_task(
     elbow bent backwards with a twisted arm can follow its markers nearly as well as a real one.
     """
     if start is not None:
-        return task.solve(start, progress=progress)
+        return solve_from(task, start, progress=progress)
     neutral = compiling.repeat_default_pose(task.model, 1)[0]
     stride = 1
     if len(times) >= _SHORT:
@@ -116,7 +122,7 @@ def solve_task(
     ranges = compiling.list_coordinate_ranges(task.model)
     part = replace(task.in_frames(rows), bounds=ranges)
     guess = guess_start(part.tree, part.measured, neutral, part.p, part.free)
-    found = part.solve(guess, settings=ROUGH if stride == 1 else replace(ROUGH, quorum=_QUORUM))
+    found = solve_from(part, guess, settings=ROUGH if stride == 1 else replace(ROUGH, quorum=_QUORUM))
     if stride > 1:
         # All frames but those that did not converge while both of their neighbours did.
         converged = found.converged
@@ -126,7 +132,7 @@ def solve_task(
     found = free_trapped(found, part, ROUGH)
     if task.closure is not None:  # a loop of joints keeps to one of the ways in which it closes, as a whole
         close = found.q if stride == 1 else _interpolate(times, rows, np.unwrap(found.q, axis=0))
-        fine = free_trapped(task.solve(close, settings=_FINE, progress=progress), task)
+        fine = free_trapped(solve_from(task, close, settings=_FINE, progress=progress), task)
         return follow_neighbours(fine, task, times)
     # The frames as they were found, or sought again from many starts where something speaks against them
     joined = join_branches(task.tree, found.q, ranges, ranges, neutral)
@@ -137,7 +143,7 @@ def solve_task(
         found = restarts.choose_minima(part, times[rows], found, doubts | jumps)
         joined = join_branches(task.tree, found.q, ranges, ranges, neutral)
     close = joined if stride == 1 else _interpolate(times, rows, joined)
-    fine = free_trapped(task.solve(close, settings=_FINE, progress=progress), task)
+    fine = free_trapped(solve_from(task, close, settings=_FINE, progress=progress), task)
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, ranges, neutral))
     return steady.hold_steady(task, times, fine)
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion import branches
 from scaling_service.capabilities.motion import doubts as motion_doubts
-from scaling_service.capabilities.motion.task import ROUGH, Task
+from scaling_service.capabilities.motion.solving import ROUGH, solve_from
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
@@ -164,7 +165,7 @@ def _solve_all(
 ) -> tuple[Array, Array]:
     """Minima reached from starts (n_seeds, k, n_coordinates), and their cost (n_seeds, k)."""
     n, k, _ = starts.shape
-    solution = task.in_frames(np.repeat(seeds, k)).solve(starts.reshape(n * k, -1), settings=settings)
+    solution = solve_from(task.in_frames(np.repeat(seeds, k)), starts.reshape(n * k, -1), settings=settings)
     return solution.q.reshape(starts.shape), solution.cost.reshape(n, k)
 
 

@@ -9,6 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion import branches, doubts
+from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import compute_marker_rates
 from scaling_service.core.arrays import Array
@@ -75,9 +76,9 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         for share in _SHARES:
             # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
-            q[rows] = part.solve(q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
+            q[rows] = solve_from(part, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
         cost = found.cost.copy()
-        cost[rows] = part.solve(q[rows], settings=_LOOK).cost
+        cost[rows] = solve_from(part, q[rows], settings=_LOOK).cost
         likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
         better = np.where(likelier[:, None], q, found.q)
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))

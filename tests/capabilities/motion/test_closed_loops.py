@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.motion.neighbours import follow_neighbours
+from scaling_service.capabilities.motion.solving import follow_neighbours
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import estimate_coordinate_sd
 from scaling_service.core.arrays import Array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.capabilities.motion.neighbours import free_trapped
+from scaling_service.capabilities.motion.solving import free_trapped
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from tests.capabilities.motion.solvers import answer_by
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.capabilities.motion import ranges
-from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
+from scaling_service.capabilities.motion.solving import guess_start, solve_from
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, parameters
@@ -181,7 +182,7 @@ def _locate(
 ) -> dict[str, body.Vector]:
     """Local positions of labels on their segments, the model posed by its weighted markers, m."""
     few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
-    q = solve_task(tasks.Task.of(model, few, weights=weights), few.times).q
+    q = solve_task(Task.of(model, few, weights=weights), few.times).q
     return _average_local_places(model, few, q, segments)
 
 
@@ -216,7 +217,7 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
     which are followed at once, as if they were frames.
     """
     weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
-    task = tasks.Task.of(model, pose, weights=weights)
+    task = Task.of(model, pose, weights=weights)
     wanted = compiling.repeat_default_pose(model, 1)
     pull = np.zeros(len(model.coordinates))
     for k, name in enumerate(model.coordinate_names):
@@ -226,12 +227,13 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
     prior = (np.repeat(wanted, _STARTS, axis=0), pull * task.weights.sum())
     measured = np.repeat(task.measured, _STARTS, axis=0)
     natural = compiling.list_coordinate_ranges(model)
-    starts = tasks.guess_start(task.tree, measured, wanted[0], task.p, task.free)
+    starts = guess_start(task.tree, measured, wanted[0], task.p, task.free)
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
     def solve(start: Array, bounds: tuple[Array, Array]) -> sweep.MotionSolution:
-        return replace(task, measured=measured, bounds=bounds).solve(start, settings=_EXACT, prior=prior)
+        repeated = replace(task, measured=measured, bounds=bounds)
+        return solve_from(repeated, start, settings=_EXACT, prior=prior)
 
     found = solve(solve(np.clip(starts, *natural), natural).q, task.bounds)
     return found.q[[int(np.argmin(found.cost))]]

@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.branches import find_rotations
 from scaling_service.capabilities.motion.solving import find_limit, solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
@@ -162,7 +161,7 @@ def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
     """
     limbs = list_limbs(task.tree, task.free)
     jumps = np.zeros((len(q), len(limbs)), dtype=bool)
-    turning = find_rotations(task.tree)
+    turning = task.tree.rotations
     fast = np.zeros(q[1:].shape, dtype=bool)
     fast[:, turning] = np.abs(np.diff(q[:, turning], axis=0)) > FASTEST * np.diff(times)[:, None]
     rows = np.flatnonzero(fast.any(axis=1))

@@ -48,7 +48,7 @@ def _measure_turns(
     """
     loose = branches.find_loose(tree, bounds)
     triplets = branches.find_triplets(tree)
-    for k in np.setdiff1d(branches.find_rotations(tree), [c for t in triplets for c in t.coordinates]):
+    for k in np.setdiff1d(tree.rotations, [c for t in triplets for c in t.coordinates]):
         yield np.sqrt(_measure(before[:, :, None, k, None], after[:, None, :, k, None], loose[[k]]))
     for triplet in triplets:
         own = triplet.coordinates
@@ -151,7 +151,7 @@ def _find_minima(
 def _draw(random: np.random.Generator, task: Task, q: Array, limb: motion_doubts.Limb) -> Array:
     """Poses (n, draws, n_coordinates) with the joints of a limb turned anyhow within their ranges."""
     starts = np.repeat(q[:, None], _DRAWS, axis=1)
-    for k in np.intersect1d(limb.coordinates, branches.find_rotations(task.tree)):
+    for k in np.intersect1d(limb.coordinates, task.tree.rotations):
         lower, upper = task.bounds[0][k], task.bounds[1][k]
         if np.isfinite(upper - lower) and upper - lower < 2.0 * np.pi + 1e-6:
             starts[:, :, k] = random.uniform(lower, upper, starts.shape[:2])

@@ -46,9 +46,7 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         # Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames
         poses = found.q[rows]
         limit = doubts.FASTEST * step / 3.0
-        turning = np.flatnonzero(
-            task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
-        )
+        turning = np.flatnonzero(task.free & np.isin(np.arange(len(task.free)), task.tree.rotations))
         heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
         rates = compute_marker_rates(task.tree, poses, task.p, np.flatnonzero(task.free)) * heavy[:, None]
         curvature = np.matmul(rates, rates.transpose(0, 2, 1))
@@ -62,7 +60,7 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
     near = scipy.ndimage.binary_propagation(loose, mask=scipy.ndimage.binary_dilation(jumps, around))
     near[[0, -1]] = False
     found = replace(found, q=branches.cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
-    moving = task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
+    moving = task.free & np.isin(np.arange(len(task.free)), task.tree.rotations)
     weight = np.where(moving, (doubts.CAMERA_M / (doubts.SPEED * step)) ** 2, 0.0)
     for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
         rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))

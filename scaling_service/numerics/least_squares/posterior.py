@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.estimator import Outcome
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.least_squares.problem import Outcome, find_seen
 from scaling_service.numerics.least_squares.whitening import (
     ErrorGroup,
     GaussianPrior,

@@ -84,6 +84,12 @@ class Tree:
         return found
 
     @cached_property
+    def rotations(self) -> NDArray[np.intp]:
+        """The coordinates that turn links, by themselves or while they shift them, (n_rotations,)."""
+        turns = (e for e in self.plan.entries if e.is_turn and e.term.factor != laws.NONE)
+        return np.unique(np.array([self.factors[e.term.factor].coordinate for e in turns], dtype=np.intp))
+
+    @cached_property
     def marker_rows(self) -> tuple[NDArray[np.intp], ...]:
         """For every link the markers that sit on it."""
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))

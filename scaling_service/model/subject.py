@@ -162,6 +162,13 @@ class Session:
         return tuple(map(str, self.notes))
 
     @property
+    def unmarked(self) -> bool:
+        """Whether no recording has a marker on skin: rotations alone, or key points of video."""
+        marked = [one for one in (self.static, *self.dynamic) if one is not None]
+        shown = [label for one in marked for label in one.shown_labels]
+        return self.model.shows_key_points_alone(shown) if marked else bool(self.rotations)
+
+    @property
     def dynamic(self) -> tuple[trial.Trial, ...]:
         """Calibration and evaluation trials, each once."""
         names = {t.name for t in self.calibration}

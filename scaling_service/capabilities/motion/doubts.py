@@ -12,7 +12,6 @@ from scaling_service.capabilities.motion.solving import find_limit, solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.rigid import MIN_POINTS
@@ -144,7 +143,7 @@ def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
     """
     limbs = list_limbs(task.tree, task.free)
     squares = _measure_markers(task, np.arange(len(q)), q)
-    heavy = np.where(find_seen(task.measured), task.weights, 0.0)
+    heavy = np.where(task.shown, task.weights, 0.0)
     root = task.tree.marker_rows[0]
     limit = 3.0 * SKIN_M**2 + _WORSE * squares[:, root].sum(axis=1) / (heavy[:, root].sum(axis=1) + _TINY)
     groups = [limb.markers for limb in limbs]
@@ -168,9 +167,7 @@ def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
     if len(rows):
         both = np.union1d(rows, rows + 1)
         known = np.zeros(q.shape, dtype=bool)
-        known[both] = find_determined(
-            task.tree, task.measured[both], task.weights, q[both], task.p, task.free
-        )
+        known[both] = find_determined(task.in_frames(both), q[both])
         fast &= known[1:] & known[:-1] & task.free
         own = np.stack([fast[:, limb.own].any(axis=1) for limb in limbs], axis=1)
         jumps[1:] |= own

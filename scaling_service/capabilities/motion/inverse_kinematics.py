@@ -161,9 +161,7 @@ def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Mot
             task.tree, tree.pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
         )
         np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
-    known = find_determined(
-        task.tree, task.measured, task.weights, solution.q, task.p, task.free, task.closure
-    )
+    known = find_determined(task, solution.q)
     if task.closure is not None:
         known &= np.abs(task.closure.evaluate(solution.q, task.p)).max(axis=1, keepdims=True) <= CLOSED
     else:

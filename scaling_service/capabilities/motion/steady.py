@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.motion import branches, doubts
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import compute_marker_rates
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import sweep
+from scaling_service.numerics.multibody.tree import compute_marker_rates
 from scaling_service.numerics.signals.filters import find_runs
 
 COARSE_S = 0.08
@@ -47,7 +46,7 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         poses = found.q[rows]
         limit = doubts.FASTEST * step / 3.0
         turning = np.flatnonzero(task.free & np.isin(np.arange(len(task.free)), task.tree.rotations))
-        heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
+        heavy = np.repeat(np.where(task.shown[rows], np.sqrt(task.weights), 0.0), 3, axis=1)
         rates = compute_marker_rates(task.tree, poses, task.p, np.flatnonzero(task.free)) * heavy[:, None]
         curvature = np.matmul(rates, rates.transpose(0, 2, 1))
         ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])

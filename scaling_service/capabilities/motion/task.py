@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
-from scaling_service.core.arrays import Array
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
@@ -91,6 +91,11 @@ class Task:
             loss=loss,
             closure=compiling.compile_constraints(model),
         )
+
+    @property
+    def shown(self) -> Mask:
+        """Whether each marker is seen, (n_frames, n_markers)."""
+        return problem.find_seen(self.measured)
 
     @property
     def is_swept(self) -> bool:

@@ -33,7 +33,6 @@ from scaling_service.documents.results import TruthDocument
 from scaling_service.files.osim.models import render_several, request_osim
 from scaling_service.model import builtin
 from scaling_service.model import subject as subjects
-from scaling_service.model.anatomy.key_points import has_no_markers
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.freed import hold_markers
 from scaling_service.model.results import Calibration, Motion
@@ -157,16 +156,13 @@ def run(
     clock = time.perf_counter() if started is None else started
     table.check_methods(methods or ())
     session = loaded.session
-    unmarked = has_no_markers(session)
-    chosen, warnings = (
-        (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session, unmarked=unmarked)
-    )
+    chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
     turned = settings.up is not None
     report = progress or progressing.show_nothing
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, result.Scaling] = {}
     with loaded.blame_files():
-        if session.scale_setup is None and session.images is None and not unmarked:
+        if session.scale_setup is None and session.images is None and not session.unmarked:
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
@@ -293,9 +289,9 @@ def _request_scaled(calibration: Calibration, session: subjects.Session) -> dict
     )
 
 
-def _choose_possible(session: subjects.Session, *, unmarked: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _choose_possible(session: subjects.Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
-    if unmarked:
+    if session.unmarked:
         return ("MB",), ()
     imaged = {n: m for n, m in table.METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:

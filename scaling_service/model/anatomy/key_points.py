@@ -20,7 +20,6 @@ from scaling_service.model.anatomy.marker_sets import recognise
 from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.places import tell_landmarks
-from scaling_service.model.subject import Session
 
 _JOINTS: abc.Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -83,24 +82,10 @@ def _make(name: str, segment: str, at: Array, sd: float) -> body.Marker:
     return replace(body.Marker.at(name, segment, body.to_vector(at), anatomical=False), noise=sd)
 
 
-def shows_key_points_alone(model: body.BodyModel, labels: abc.Iterable[str]) -> bool:
-    """Whether all of a model's markers among these labels are key points, and there are any."""
-    shown = set(labels)
-    own = [m for m in model.markers if m.name in shown and m.weight > 0.0]
-    return bool(own) and all(m.noise is not None and not m.is_direction for m in own)
-
-
-def has_no_markers(session: Session) -> bool:
-    """Whether no recording of a session has a marker on skin: rotations alone, or key points of video."""
-    marked = [trial for trial in (session.static, *session.dynamic) if trial is not None]
-    shown = [label for trial in marked for label in trial.shown_labels]
-    return shows_key_points_alone(session.model, shown) if marked else bool(session.rotations)
-
-
 def tell_key_points(model: body.BodyModel, labels: abc.Iterable[str]) -> tuple[Note, ...]:
     """That key points are followed, and how far they are taken to be off; nothing where markers are, too."""
     seen = list(labels)
-    if not shows_key_points_alone(model, seen):
+    if not model.shows_key_points_alone(seen):
         return ()
     off = max(1e3 * m.noise for m in model.markers if m.noise is not None and m.name in seen)
     said = (

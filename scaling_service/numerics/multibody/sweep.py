@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares import clusters as clustering
 from scaling_service.numerics.least_squares import elimination
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.tree import Poses, Tree, evaluate_local_positions, pose_links
 
@@ -184,7 +185,7 @@ def _take_block(
     bounds: tuple[Array, Array],
     prior: tuple[Array, Array] | None,
 ) -> _Problem:
-    heavy = clustering.weight_markers(measured, weights)
+    heavy = np.where(find_seen(measured), weights, 0.0).T
     filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
     of_points = heavy if tree.placed is None else tree.placed[:, None] * heavy

@@ -336,3 +336,12 @@ def pose_markers(tree: Tree, q: Array, p: Array) -> Array:
     by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
     placed = place_tree_markers(tree, pose_links(tree, by_frame, np.asarray(p, dtype=float)))
     return np.ascontiguousarray(np.moveaxis(placed, -1, 0))
+
+
+def compute_marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+    """How markers move with variables, frame by frame, (n_frames, n_variables, 3 n_markers).
+
+    ``q``, ``p``: as of :func:`pose_markers`; ``variables``: as of :func:`compute_jacobian`.
+    """
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    return order_by_frame(compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables))

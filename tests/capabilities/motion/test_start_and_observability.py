@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.capabilities.motion.ranges import list_prior_sds, measure_left
+from scaling_service.capabilities.motion.ranges import list_prior_sds, measure_left, weigh_ranges
 from scaling_service.capabilities.motion.solving import guess_start
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import (
     compile_model,
@@ -70,14 +72,31 @@ def test_a_root_that_is_not_free_is_left_alone() -> None:
     np.testing.assert_array_equal(guess, np.tile(neutral, (2, 1)))
 
 
+def follow(model: BodyModel, measured: np.ndarray, weights: np.ndarray | None = None) -> Task:
+    """A model's markers, all coordinates free, whether or not any is seen."""
+    tree, n = compile_model(model), len(model.coordinates)
+    heavy = np.ones(tree.n_markers) if weights is None else weights
+    free, bounds = np.ones(n, dtype=bool), (np.full(n, -np.inf), np.full(n, np.inf))
+    return Task(
+        model=model,
+        tree=tree,
+        markers=model.marker_names,
+        measured=measured,
+        weights=heavy,
+        free=free,
+        bounds=bounds,
+        p=NONE,
+        ranges=weigh_ranges(model, tree, measured, heavy, free, NONE),
+    )
+
+
 def verdict(seen: list[str], *, weights: np.ndarray | None = None) -> dict[str, bool]:
     rng = np.random.default_rng(4)
     model = leg(rng)
     tree, q = compile_model(model), leg_motion(rng, 2)
     measured = pose_markers(tree, q, NONE)
     measured[:, [k for k, n in enumerate(model.marker_names) if n not in seen]] = np.nan
-    heavy = np.ones(tree.n_markers) if weights is None else weights
-    found = find_determined(tree, measured, heavy, q, NONE, np.ones(10, dtype=bool))
+    found = find_determined(follow(model, measured, weights), q)
     assert (found == found[0]).all()
     return dict(zip(model.coordinate_names, found[0].tolist(), strict=True))
 
@@ -130,7 +149,7 @@ def test_the_verdict_is_that_of_the_rank(seed: int) -> None:
     loose = (vectors[:, values < 1e-7] ** 2).sum(axis=1)
     if ((loose > 1e-4) & (loose < 0.05)).any():
         return
-    found = find_determined(tree, measured, np.ones(tree.n_markers), q, NONE, np.ones(n, dtype=bool))[0]
+    found = find_determined(follow(model, measured), q)[0]
     np.testing.assert_array_equal(found, loose < 1e-2)
 
 

@@ -20,7 +20,6 @@ from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import lengths
 from scaling_service.model.anatomy.centres import Centre
 from scaling_service.model.anatomy.frames import build_pelvis_frame
-from scaling_service.model.anatomy.key_points import has_no_markers
 from scaling_service.model.people import read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.model.scaling import scale_model
@@ -48,7 +47,7 @@ def scale_linearly(
     Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
-    if has_no_markers(session):
+    if session.unmarked:
         # The model of a person of whom there are rotations alone
         alone = size_without_markers(session)
         return results.Calibration(

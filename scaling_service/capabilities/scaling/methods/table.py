@@ -18,7 +18,6 @@ from scaling_service.capabilities.scaling.methods.method import Method
 from scaling_service.capabilities.scaling.methods.posterior import JointPosterior
 from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.model.anatomy.key_points import has_no_markers
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 
@@ -83,7 +82,7 @@ def calibrate(
     """
     check_methods([method])
     # Others than ours say themselves what they need
-    if method in _OURS and method != "MB" and has_no_markers(session):
+    if method in _OURS and method != "MB" and session.unmarked:
         raise TrialUnusable(
             f"{method} is fitted to markers on skin, and the recordings hold none",
             field="method",

@@ -156,8 +156,8 @@ def follow_everyday(model: body.BodyModel, trial: Trial, q: Array) -> Array:
 
     ``model``: one that knows of people. ``q``: by plain least squares.
     """
-    people, ones = population.read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
-    prior, lawful = whitening.GaussianPrior(()), holds_skin(model)
+    prior, ones, lawful = whitening.GaussianPrior(()), np.ones(trial.n_frames), holds_skin(model)
+    people = population.read_people().with_skin(_take_posterior(model).skin)
     problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
     for _ in range(_EXPECTED_ANEW if model.expectations else 1):
         q = posteriors.solve_poses(_expect(problem, task, q), q, task.p)

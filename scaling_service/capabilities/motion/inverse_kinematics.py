@@ -18,6 +18,7 @@ from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
 from scaling_service.capabilities.motion.everyday import follow_everyday
+from scaling_service.capabilities.motion.ranges import find_determined
 from scaling_service.capabilities.motion.solving import (
     ROUGH,
     follow_neighbours,
@@ -26,15 +27,15 @@ from scaling_service.capabilities.motion.solving import (
     solve_from,
 )
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import problem
-from scaling_service.numerics.multibody import sweep, tree
+from scaling_service.numerics.multibody import sweep
 from scaling_service.numerics.multibody.closure import CLOSED
+from scaling_service.numerics.multibody.tree import pose_markers
 
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
@@ -157,10 +158,7 @@ def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Mot
     """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
     residual = np.empty(task.measured.shape)
     for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
-        placed = tree.place_tree_markers(
-            task.tree, tree.pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
-        )
-        np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
+        residual[rows] = task.measured[rows] - pose_markers(task.tree, solution.q[rows], task.p)
     known = find_determined(task, solution.q)
     if task.closure is not None:
         known &= np.abs(task.closure.evaluate(solution.q, task.p)).max(axis=1, keepdims=True) <= CLOSED

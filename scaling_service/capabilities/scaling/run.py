@@ -154,7 +154,6 @@ def run(
     ``started``: value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
-    table.check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
     turned = settings.up is not None

@@ -156,14 +156,6 @@ def find_seen(positions: NDArray[np.float64]) -> Mask:
     return np.asarray(np.isfinite(positions).all(axis=-1))
 
 
-def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The first frame of every pattern (n_frames, n_markers), and the pattern of every frame."""
-    packed = np.ascontiguousarray(np.packbits(shown, axis=1))  # one item a frame sorts far faster than rows
-    items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
-    _, first, which = np.unique(items, return_index=True, return_inverse=True)
-    return first, which
-
-
 def find_shown(positions: NDArray[np.float64]) -> Mask:
     """Which markers some frame shows.
 

@@ -334,8 +334,8 @@ def pose_markers(tree: Tree, q: Array, p: Array) -> Array:
     Returns (n_frames, n_markers, 3), m.
     """
     by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
-    placed = place_tree_markers(tree, pose_links(tree, by_frame, np.asarray(p, dtype=float)))
-    return np.ascontiguousarray(np.moveaxis(placed, -1, 0))
+    poses = pose_links(tree, by_frame, np.asarray(p, dtype=float))
+    return np.ascontiguousarray(np.moveaxis(place_tree_markers(tree, poses), -1, 0))
 
 
 def compute_marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:

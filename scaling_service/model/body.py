@@ -362,6 +362,11 @@ class BodyModel:
         """The coordinate of that name (KeyError if none)."""
         return _find_named(self.coordinates, name)
 
+    @property
+    def knows_its_person(self) -> bool:
+        """Whether it holds more of its person than plain inverse kinematics uses."""
+        return bool(self.posterior or self.expectations or any(m.noise is not None for m in self.markers))
+
     def shows_key_points_alone(self, labels: abc.Iterable[str]) -> bool:
         """Whether all of its markers among these labels are key points of video, and there are any."""
         shown = set(labels)

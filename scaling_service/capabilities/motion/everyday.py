@@ -136,11 +136,6 @@ def pack_posterior(model: body.BodyModel, names: abc.Sequence[str], covariance: 
     return replace(model, posterior=told)
 
 
-def knows_people(model: body.BodyModel) -> bool:
-    """Whether a model holds more of its person than plain inverse kinematics uses."""
-    return bool(model.posterior or model.expectations or any(m.noise is not None for m in model.markers))
-
-
 def holds_skin(model: body.BodyModel) -> bool:
     """Whether a model was estimated with how skin follows its joints, not only how frames are mounted."""
     mounted = {p.name for p in model.parameters if p.group == "mounting"}

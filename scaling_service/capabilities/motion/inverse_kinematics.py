@@ -97,10 +97,26 @@ def inverse_kinematics(
     ((278, 14), (278, 14, 3))
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
+    everyday = model.posterior is not None and weights is None and loss is problem.SQUARED
+    return follow_task(task, trial, everyday=everyday, start=start, progress=progress)[1]
+
+
+def follow_task(
+    task: Task,
+    trial: Trial,
+    *,
+    everyday: bool,
+    start: Array | None = None,
+    progress: abc.Callable[[int], None] | None = None,
+) -> tuple[Array, Motion]:
+    """A task's coordinates (n_frames, n_coordinates), and the motion that they are.
+
+    ``everyday``: whether markers of a segment err together as far as skin wanders, see
+    :func:`inverse_kinematics`.
+    """
     solution = solve_task(task, trial.times, start, progress)
-    if model.posterior is not None and weights is None and loss is problem.SQUARED:
-        solution = replace(solution, q=follow_everyday(model, trial, solution.q))
-    return make_motion(task, trial, solution)
+    q = follow_everyday(task.model, trial, solution.q) if everyday else solution.q
+    return q, _make_motion(task, trial, q, solution.steps)
 
 
 def solve_task(
@@ -154,18 +170,17 @@ def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
     return np.asarray(scipy.interpolate.CubicSpline(times[rows], q, bc_type="natural")(times))
 
 
-def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Motion:
-    """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
+def _make_motion(task: Task, trial: Trial, q: Array, steps: NDArray[np.intp]) -> Motion:
+    """The motion that coordinates are, with what they leave unexplained and what is not determined."""
     residual = np.empty(task.measured.shape)
     for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
-        residual[rows] = task.measured[rows] - pose_markers(task.tree, solution.q[rows], task.p)
-    known = find_determined(task, solution.q)
+        residual[rows] = task.measured[rows] - pose_markers(task.tree, q[rows], task.p)
+    known = find_determined(task, q)
     if task.closure is not None:
-        known &= np.abs(task.closure.evaluate(solution.q, task.p)).max(axis=1, keepdims=True) <= CLOSED
+        known &= np.abs(task.closure.evaluate(q, task.p)).max(axis=1, keepdims=True) <= CLOSED
     else:
         known &= task.ranges.shown
     sometimes = np.asarray(known.any(axis=0))
-    q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names
     # Tips of directions say by how much a rotation is missed; they are no markers.
     points = np.array([not task.model.marker(name).is_direction for name in task.markers], dtype=bool)
@@ -181,12 +196,12 @@ def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Mot
         trial=trial.name,
         times=trial.times,
         coordinates=names,
-        q=q,
+        q=np.where(known | ~sometimes, q, np.nan),
         markers=tuple(name for name, point in zip(task.markers, points, strict=True) if point),
         residuals=residual[:, points],
         turns=dict(turns),
         estimated=tuple(
             n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free
         ),
-        iterations=int(solution.steps.max(initial=0)),
+        iterations=int(steps.max(initial=0)),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import abc
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from scaling_service.capabilities.subject import rotations as subject_rotations
 from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.persons import select_person
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import TrialUnusable, blame_file
 from scaling_service.core.notes import Note
 from scaling_service.files import model_json, recording
 from scaling_service.files.osim import models
@@ -55,14 +55,9 @@ class Loaded:
     plates: abc.Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
     file: Path | None = None  # the subject file, where there is one
 
-    @contextmanager
-    def blame_files(self) -> abc.Iterator[None]:
+    def blame_files(self) -> AbstractContextManager[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        with (
-            reading.blame_file(self.file),
-            reading.blame_file(None, reading.list_recordings(self.session.subject)),
-        ):
-            yield
+        return blame_file(self.file, self.session.subject.recordings)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -113,7 +108,7 @@ def open_subject(
     orientations.check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, subjects.Subject) else Path(subject)
     known = subject if isinstance(subject, subjects.Subject) else reading.load_subject(subject)
-    with reading.blame_file(file):
+    with blame_file(file):
         loaded = load(known, read_files(known), settings, facing=facing)
         return replace(
             loaded, session=subject_rotations.part_rotations(loaded.session, wanted=rotations), file=file
@@ -141,9 +136,10 @@ def load(
     ``who``: what geometry tells of the labels, where it was asked already.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
-    findings = question(understood, files.model)
-    return prepare(understood, findings, files, settings.processing)
+    with blame_file(None, files.recordings):
+        understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
+        findings = question(understood, files.model)
+        return prepare(understood, findings, files, settings.processing)
 
 
 def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Files:
@@ -210,7 +206,7 @@ def understand(
     clusters = labels.sort_by_segment(model, subject)
     named = {}
     for path, found in marked.items():
-        with reading.blame_file(path, [path]):
+        with blame_file(path, [path]):
             named[path] = labels.with_model_names(found.trial, wanted, subject, path)
     if marked:
         axes = decide_axes(
@@ -272,11 +268,10 @@ def question(understood: Understood, model: body.BodyModel) -> tuple[recording_f
         stated=recording_findings.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
         model=model,
     )
-    with reading.blame_file(None, list(trials)):
-        for trial in trials.values():
-            checks.refuse_one_spot(model, trial)
-        checks.refuse_repeated(trials, subject)
-        return recording_findings.refuse(person.ask(given))
+    for trial in trials.values():
+        checks.refuse_one_spot(model, trial)
+    checks.refuse_repeated(trials, subject)
+    return recording_findings.refuse(person.ask(given))
 
 
 def prepare(
@@ -294,8 +289,7 @@ def prepare(
     setup, of_setup = files.scale_setup, tuple[Note, ...]()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if setup is not None and subject.scale_setup is not None and standing is not None:
-        with reading.blame_file(None, [standing]):
-            of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
+        of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup is not None and setup.placement is not None:  # its marker placer leaves these alone
         fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
         setup = replace(setup, placement=replace(setup.placement, fixed=fixed))
@@ -343,12 +337,12 @@ def read_recordings(
     Those that are ``known`` are not read again.
     """
     read = {}
-    for path in reading.list_recordings(subject):
-        with reading.blame_file(path, [path]):
+    for path in subject.recordings:
+        with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(recording.read_recording(path))
             read[path] = select_person(found, subject.marker_map)
     for path, one in zip(read, choose_repeated(list(read.values())), strict=True):
-        with reading.blame_file(path, [path]):
+        with blame_file(path, [path]):
             wrong = subject.corrections.get(path.name, ())
             whole = one.take_unlabelled({label for item in wrong for label in item.labels})
             events = subject.events.get(path.name, whole.events)
@@ -383,7 +377,7 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
-        with reading.blame_file(Path(name_or_path)):
+        with blame_file(Path(name_or_path)):
             # The model with the whole body's place and turns unbounded: a person may walk a laboratory either
             # way. Models declare a right angle to either side and a few metres, clamped or not, so that a
             # walk back could not be followed. What hangs on the ground by a joint of fewer freedoms, as an
@@ -401,6 +395,6 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
             )
             return replace(model, coordinates=coordinates)
     if str(name_or_path).lower().endswith(model_json.SUFFIX):
-        with reading.blame_file(Path(name_or_path)):
+        with blame_file(Path(name_or_path)):
             return model_json.read_model_json(name_or_path)
     return builtin.load_builtin(str(name_or_path))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from scaling_service.capabilities.motion import solving
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution
@@ -25,10 +27,12 @@ class _Told:
     def in_frames(self, rows: NDArray[np.intp]) -> _Told:
         return replace(self, rows=self.rows[rows])
 
-    def solve(self, start: Array, *, settings: object = None) -> MotionSolution:
-        return self.answer(self.rows, start)
 
+def answer_by(answer: Answer, n_frames: int, monkeypatch: pytest.MonkeyPatch) -> Task:
+    """A task of so many frames that are solved by ``answer``."""
 
-def answer_by(answer: Answer, n_frames: int) -> Task:
-    """A task of so many frames that does nothing but to ask ``answer``."""
+    def solve(task: _Told, start: Array, **_: Any) -> MotionSolution:
+        return task.answer(task.rows, start)
+
+    monkeypatch.setattr(solving, "solve_from", solve)
     return cast("Task", _Told(answer, np.arange(n_frames)))

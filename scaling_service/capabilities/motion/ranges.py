@@ -82,7 +82,7 @@ class Ranges:
     weight: arrays.Array
     shown: arrays.Mask
 
-    def in_frames(self, rows: slice | NDArray[np.intp]) -> Ranges:
+    def in_frames(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Ranges:
         """The same in some frames."""
         return Ranges(self.middle, self.spread, self.weight[rows], self.shown[rows])
 

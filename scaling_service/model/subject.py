@@ -89,11 +89,11 @@ class Subject:
     image_markers: Path | None = None
     sizes_m: Mapping[str, float] = dataclasses.field(default_factory=lambda: _NO_SIZES)
 
-    @property
-    def recordings(self) -> tuple[Path, ...]:
-        """The files of all trials, each once: static, calibration, evaluation."""
-        static = () if self.static is None else (self.static,)
-        return tuple(dict.fromkeys((*static, *self.calibration, *self.evaluation)))
+
+def list_recordings(subject: Subject) -> tuple[Path, ...]:
+    """The files of all trials, each once: static, calibration, evaluation."""
+    static = () if subject.static is None else (subject.static,)
+    return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ class Loaded:
 
     def blame_files(self) -> AbstractContextManager[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        return blame_file(self.file, self.session.subject.recordings)
+        return blame_file(self.file, subjects.list_recordings(self.session.subject))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -337,7 +337,7 @@ def read_recordings(
     Those that are ``known`` are not read again.
     """
     read = {}
-    for path in subject.recordings:
+    for path in subjects.list_recordings(subject):
         with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(recording.read_recording(path))
             read[path] = select_person(found, subject.marker_map)

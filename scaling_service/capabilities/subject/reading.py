@@ -19,7 +19,7 @@ from scaling_service.files.recording import READERS
 from scaling_service.files.segmentation import list_tables
 from scaling_service.model import trial as model_trial
 from scaling_service.model.builtin import BUILTIN_NAMES
-from scaling_service.model.subject import Subject
+from scaling_service.model.subject import Subject, list_recordings
 
 _Held = TypeVar("_Held")
 _Made = TypeVar("_Made")
@@ -223,7 +223,7 @@ def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict
     inputs.extend(
         p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None
     )
-    inputs.extend(subject.recordings)
+    inputs.extend(list_recordings(subject))
     inputs.extend(subject.forces.values())
     for bone in subject.bones.values():
         inputs.extend(list_files_of(bone))

@@ -138,7 +138,7 @@ def solve_task(
     rows = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
     ranges = compiling.list_coordinate_ranges(task.model)
     part = replace(task.in_frames(rows), bounds=ranges)
-    guess = guess_start(part.tree, part.measured, neutral, part.p, part.free)
+    guess = guess_start(part, neutral)
     found = solve_from(part, guess, settings=ROUGH if stride == 1 else replace(ROUGH, quorum=_QUORUM))
     if stride > 1:
         # All frames but those that did not converge while both of their neighbours did.

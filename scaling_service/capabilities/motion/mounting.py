@@ -172,7 +172,7 @@ def _choose(
             task = Task.of(placed, trial)
             task = replace(task, bounds=compiling.list_coordinate_ranges(placed))
             neutral = compiling.repeat_default_pose(placed, 1)[0]
-            start = guess_start(task.tree, task.measured, neutral, task.p, task.free)
+            start = guess_start(task, neutral)
             solution = solve_from(task, start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
@@ -234,7 +234,7 @@ def _solve(
     problem = problem.hold_once()
     neutral = compiling.repeat_default_pose(model, 1)[0]
     within = replace(task, bounds=compiling.list_coordinate_ranges(model))
-    start_q = guess_start(task.tree, task.measured, neutral, task.p, task.free)
+    start_q = guess_start(task, neutral)
     posterior = solve_posterior(problem, solve_from(within, start_q).q, task.p)
     values = dict(zip(prior.names, posterior.p.tolist(), strict=True))
     parameters = tuple(replace(p, value=values[p.name]) for p in model.parameters)

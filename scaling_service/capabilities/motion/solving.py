@@ -37,26 +37,20 @@ _AS_GOOD = 1.01  # chosen: times its cost that a frame may have where it follows
 _TINY = 1e-9  # m2; chosen: far below what a camera resolves
 
 
-def guess_start(
-    tree: trees.Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]
-) -> Array:
+def guess_start(task: Task, neutral: Array) -> Array:
     """Coordinates with the root link where its markers are, in every frame.
 
     The root is the first link with free translations and rotations; it is placed by a rigid fit of
     its own markers or, where fewer than three are seen, of all markers of the neutral body. Frames
     in which neither works take the nearest frame's guess.
 
-    ``measured``: (n_frames, n_markers, 3), m.
-    ``neutral``: (n_coordinates,).
-    ``p``: (n_parameters,).
-    ``free``: bool (n_coordinates,).
-    Returns (n_frames, n_coordinates).
+    ``neutral``: (n_coordinates,). Returns (n_frames, n_coordinates).
     """
-    q = np.tile(neutral, (len(measured), 1))
-    root = _free_root(tree, free)
+    tree, q = task.tree, np.tile(neutral, (len(task.measured), 1))
+    root = _free_root(tree, task.free)
     if root is None:
         return q
-    rotation, position = _place_root(tree, measured, neutral, p, root)
+    rotation, position = _place_root(task, neutral, root)
     known = problem.find_seen(position)
     if not known.any():
         return q
@@ -66,7 +60,7 @@ def guess_start(
     # The root's translations set so that its origin lies at `position`
     moved = q[known]
     target = position[known]
-    poses = trees.pose_links(tree, np.ascontiguousarray(moved.T), p)
+    poses = trees.pose_links(tree, np.ascontiguousarray(moved.T), task.p)
     shifts = [
         e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
     ]
@@ -90,19 +84,15 @@ def _free_root(tree: trees.Tree, free: NDArray[np.bool_]) -> int | None:
     return None
 
 
-def _place_root(
-    tree: trees.Tree, measured: Array, neutral: Array, p: Array, root: int
-) -> tuple[Array, Array]:
+def _place_root(task: Task, neutral: Array, root: int) -> tuple[Array, Array]:
     """Rotation (n, 3, 3) and origin (n, 3) of the root link; NaN where it cannot be placed."""
-    poses = trees.pose_links(tree, neutral[:, None], p)
+    tree, measured = task.tree, task.measured
+    poses = trees.pose_links(tree, neutral[:, None], task.p)
     placed = trees.place_tree_markers(tree, poses)[:, :, 0]
     axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
     if tree.placed is not None:
-        # As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle
-        # kept. `placed` (n_markers, 3), `axes` (3, 3): rows, and `origin` (3,): of the neutral body.
-        assert tree.placed is not None
-        seen = problem.find_seen(measured)
-        is_point = np.asarray(tree.placed > 0.0)
+        # By directions: all of the neutral body turned as one, its points' middle kept
+        seen, is_point = task.shown, np.asarray(tree.placed > 0.0)
         ahead, point = seen & ~is_point, seen & is_point
         filled = np.where(seen[..., None], measured, 0.0)
         turn = rigid.find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))

@@ -225,15 +225,14 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
         wanted[0, k] = placement.coordinate_values.get(name, wanted[0, k])
     # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
     prior = (np.repeat(wanted, _STARTS, axis=0), pull * task.weights.sum())
-    measured = np.repeat(task.measured, _STARTS, axis=0)
+    repeated = task.in_frames(np.zeros(_STARTS, dtype=np.intp))
     natural = compiling.list_coordinate_ranges(model)
-    starts = guess_start(task.tree, measured, wanted[0], task.p, task.free)
+    starts = guess_start(repeated, wanted[0])
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
     def solve(start: Array, bounds: tuple[Array, Array]) -> sweep.MotionSolution:
-        repeated = replace(task, measured=measured, bounds=bounds)
-        return solve_from(repeated, start, settings=_EXACT, prior=prior)
+        return solve_from(replace(repeated, bounds=bounds), start, settings=_EXACT, prior=prior)
 
     found = solve(solve(np.clip(starts, *natural), natural).q, task.bounds)
     return found.q[[int(np.argmin(found.cost))]]

@@ -38,11 +38,11 @@ def with_tracking_markers(
     than is said, and move with it, are told; where only their name said it, they are left out. ``who``: what
     geometry tells, where it was asked already.
     """
-    if not subject.extra_markers and subject.model not in BUILTIN_NAMES:
-        return subject, ()
-    who = who or _identify(standing, movements, subject.height_m)
     if subject.extra_markers:
+        who = who or _identify(standing, movements, subject.height_m)
         return subject, tuple(_tell_elsewhere(find_elsewhere(subject.extra_markers, model, who)))
+    if subject.model not in BUILTIN_NAMES:
+        return subject, ()
     first, *others = movements or ([] if standing is None else [standing])
     labels = set(first.labels).intersection(*(trial.labels for trial in others))
     explicit = list_explicit(subject, labels)
@@ -50,6 +50,9 @@ def with_tracking_markers(
     carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
     limbs = {s for s in model.segment_names if s.startswith(_LIMBS) and carried[s] < _FEWEST}
     free = sorted(labels - set(matched.values()))
+    if not limbs or not free:
+        return subject, ()
+    who = who or _identify(standing, movements, subject.height_m)
     by_set = {n: s for n, s in assign_tracking_segments(free, model).items() if s in limbs}
     elsewhere = find_elsewhere(by_set, model, who)
     by_set = {label: segment for label, segment in by_set.items() if label not in elsewhere}

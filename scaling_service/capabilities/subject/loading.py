@@ -152,9 +152,11 @@ def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Rec
     labels.check_segments(subject, model)
     recordings = read_recordings(subject, known)
     every = [label for found in recordings.values() for label in found.labels]
-    labels.check_explicit(subject, model, every)
+    followed = labels.without_computed(key_points.add_key_points(model, every), subject)
+    if every:
+        labels.check_explicit(subject, followed, every)
     return Files(
-        model=labels.without_computed(key_points.add_key_points(model, every), subject),
+        model=followed,
         recordings=recordings,
         static=subject.static,
         vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.ranges import find_determined
 from scaling_service.capabilities.motion.solving import find_limit, solve_from
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.laws import NONE

@@ -18,7 +18,6 @@ from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
 from scaling_service.capabilities.motion.everyday import follow_everyday
-from scaling_service.capabilities.motion.ranges import find_determined
 from scaling_service.capabilities.motion.solving import (
     ROUGH,
     follow_neighbours,
@@ -27,6 +26,7 @@ from scaling_service.capabilities.motion.solving import (
     solve_from,
 )
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel

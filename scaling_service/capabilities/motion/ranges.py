@@ -6,15 +6,12 @@ the markers tell less than the range does (its posterior variance is more than h
 *held*: two markers on a foot show where it points, hardly how it is rolled. The solver then weighs its range
 beside the markers, and so does its deviation. A coordinate of which they tell nothing is *not shown*, and
 results do not tell it. Those that the markers show are left to the markers alone.
-
-Where a joint has no range, a coordinate that the markers of a frame leave open is *not determined* there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +22,6 @@ from scaling_service.model import compile as compiling
 from scaling_service.model.builtin import lock_unmarked
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import tree as trees
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.motion.task import Task
 
 _MARKER_M = 0.010
 """Standard deviation of a marker about the model's bone along one axis: reference_models/people.yaml has
@@ -56,16 +50,6 @@ bent shows how its shoulder turns though it hangs straight by default."""
 
 _LEAST = 1e-4
 """1/m2 or 1/rad2: of what has no range, such as the body's place in the laboratory (a spread of 100 m)."""
-
-
-_NULL = 1e-7
-"""Chosen: curvature per unit weight (1 m arm) below which a direction counts as free."""
-
-_SHARE = 1e-2
-"""Chosen: of a coordinate's direction that may be free before it counts as not determined."""
-
-_JUDGED = (0.0, 0.5, 1.0)
-"""Chosen: frames, as shares of those alike, that are judged one after the other where some are left open."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,48 +118,6 @@ def find_distinct_patterns(shown: arrays.Mask) -> tuple[NDArray[np.intp], NDArra
     items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
     _, first, which = np.unique(items, return_index=True, return_inverse=True)
     return first, which
-
-
-def find_determined(task: Task, q: arrays.Array) -> arrays.Mask:
-    """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
-
-    Frames in which the same markers are seen are judged together, at a few of them: it is what is seen,
-    hardly the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate
-    seems free; what one pose determines counts as determined. What every pose obeys determines coordinates as
-    markers do; those that are not free are known and count as determined.
-
-    ``q`` (n_frames, n_coordinates).
-    """
-    first, which = find_distinct_patterns(task.shown)
-    patterns = task.shown[first] & (task.weights > 0.0)
-    order, counts = np.argsort(which, kind="stable"), np.bincount(which)
-    verdict = np.tile(~task.free, (len(first), 1))
-    # What no marker follows stays open in every pose
-    within_reach = task.closure is not None or patterns @ task.tree.followed
-    for share in _JUDGED:
-        doubted = np.flatnonzero((~verdict & within_reach).any(axis=1))
-        if not len(doubted):
-            break
-        places = np.cumsum(counts) - counts + (share * (counts - 1)).astype(np.intp)
-        judged = _judge(task, patterns[doubted], q[order[places[doubted]]])
-        verdict[np.ix_(doubted, task.free)] |= judged
-    return verdict[which]
-
-
-def _judge(task: Task, patterns: arrays.Mask, q: arrays.Array) -> arrays.Mask:
-    """Whether markers seen so (n, n_markers) determine the free coordinates at these poses, (n, n_free)."""
-    variables = np.flatnonzero(task.free)
-    poses = trees.pose_links(task.tree, np.ascontiguousarray(q.T), task.p)
-    placed = trees.place_tree_markers(task.tree, poses)
-    rates = np.moveaxis(trees.compute_jacobian(task.tree, poses, placed, variables), (0, 3), (3, 0))
-    rates = (rates * patterns[:, :, None, None]).reshape(len(q), -1, len(variables))
-    if task.closure is not None:
-        following = task.closure.linearise(q, task.p, variables)[1]
-        rates = np.concatenate([rates, following.transpose(0, 2, 1)], axis=1)
-    curvature = np.matmul(rates.transpose(0, 2, 1), rates)
-    values, vectors = np.linalg.eigh(curvature)
-    loose = (vectors**2 * (values < _NULL)[:, None, :]).sum(axis=2)
-    return np.asarray(loose <= _SHARE)
 
 
 def list_prior_sds(model: body.BodyModel) -> arrays.Array:

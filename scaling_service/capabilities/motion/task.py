@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
+from scaling_service.capabilities.motion.ranges import Ranges, find_distinct_patterns, weigh_ranges
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import compile as compiling
@@ -96,6 +96,11 @@ class Task:
     def shown(self) -> Mask:
         """Whether each marker is seen, (n_frames, n_markers)."""
         return problem.find_seen(self.measured)
+
+    @property
+    def patterns(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The first frame of every pattern of markers that are seen, and the pattern of every frame."""
+        return find_distinct_patterns(self.shown)
 
     @property
     def is_swept(self) -> bool:

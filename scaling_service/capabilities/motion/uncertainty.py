@@ -1,4 +1,4 @@
-"""How surely the markers of each frame determine coordinates, skin over bone included.
+"""Which coordinates the markers of each frame determine, and how surely, skin over bone included.
 
 The estimate moves with the markers' noise as ``H^-1 J^T W e`` (``H = J^T W J``, the Gauss-Newton matrix of
 the frame), so its covariance is ``H^-1 J^T W S W J H^-1`` whatever the weights W: the sandwich of Huber 1967.
@@ -44,6 +44,10 @@ _MIXING = 0.1  # chosen: combinations of markers that share a residual this much
 _RIDGE = 1e-13  # share of the largest curvature: keeps a singular pose from stopping all others
 _NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differencing leaves
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
+
+_NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
+_SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
+_JUDGED = (0.0, 0.5, 1.0)  # chosen: frames, as shares of those alike, judged in turn where some are left open
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -272,3 +276,45 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
         np.vstack([shares, _MIXING * np.eye(count)]), np.concatenate([own, _MIXING * own])
     )
     return np.asarray(np.maximum(apart / task.weights, _RESOLUTION_M**2))
+
+
+def find_determined(task: Task, q: Array) -> Mask:
+    """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
+
+    Frames in which the same markers are seen are judged together, at a few of them: it is what is seen,
+    hardly the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate
+    seems free; what one pose determines counts as determined. What every pose obeys determines coordinates as
+    markers do; those that are not free are known and count as determined.
+
+    ``q`` (n_frames, n_coordinates).
+    """
+    first, which = task.patterns
+    patterns = task.shown[first] & (task.weights > 0.0)
+    order, counts = np.argsort(which, kind="stable"), np.bincount(which)
+    verdict = np.tile(~task.free, (len(first), 1))
+    # What no marker follows stays open in every pose
+    within_reach = task.closure is not None or patterns @ task.tree.followed
+    for share in _JUDGED:
+        doubted = np.flatnonzero((~verdict & within_reach).any(axis=1))
+        if not len(doubted):
+            break
+        places = np.cumsum(counts) - counts + (share * (counts - 1)).astype(np.intp)
+        judged = _judge(task, patterns[doubted], q[order[places[doubted]]])
+        verdict[np.ix_(doubted, task.free)] |= judged
+    return verdict[which]
+
+
+def _judge(task: Task, patterns: Mask, q: Array) -> Mask:
+    """Whether markers seen so (n, n_markers) determine the free coordinates at these poses, (n, n_free)."""
+    variables = np.flatnonzero(task.free)
+    poses = trees.pose_links(task.tree, np.ascontiguousarray(q.T), task.p)
+    placed = trees.place_tree_markers(task.tree, poses)
+    rates = np.moveaxis(trees.compute_jacobian(task.tree, poses, placed, variables), (0, 3), (3, 0))
+    rates = (rates * patterns[:, :, None, None]).reshape(len(q), -1, len(variables))
+    if task.closure is not None:
+        following = task.closure.linearise(q, task.p, variables)[1]
+        rates = np.concatenate([rates, following.transpose(0, 2, 1)], axis=1)
+    curvature = np.matmul(rates.transpose(0, 2, 1), rates)
+    values, vectors = np.linalg.eigh(curvature)
+    loose = (vectors**2 * (values < _NULL)[:, None, :]).sum(axis=2)
+    return np.asarray(loose <= _SHARE)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
-from scaling_service.capabilities.motion.ranges import find_determined
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial

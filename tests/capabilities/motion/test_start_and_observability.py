@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.capabilities.motion.ranges import (
-    find_determined,
     list_prior_sds,
     measure_left,
     weigh_ranges,
 )
 from scaling_service.capabilities.motion.solving import guess_start
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import (

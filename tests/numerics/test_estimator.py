@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from scaling_service.numerics.least_squares.blocks import compute_residuals, solve_motion_alone
 from scaling_service.numerics.least_squares.estimator import compute_total_cost, estimate_uncertainty, solve
-from scaling_service.numerics.least_squares.frames import compute_residuals, solve_motion_alone
 from scaling_service.numerics.least_squares.problem import Huber, Outcome, Problem, Settings
 from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
 from tests.numerics.bodies import Array

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares import frames, problem
+from scaling_service.numerics.least_squares import blocks, problem
 from scaling_service.numerics.multibody import laws, rigid, sweep
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.plan import is_plain
@@ -193,8 +193,8 @@ def _solve_densely(task: Task, start: Array, prior: tuple[Array, Array] | None) 
         closure=task.closure,
     )
     if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
-        start = frames.solve_motion_alone(replace(dense, closed=False), start, task.p, _LOOSE).q
-    found = frames.solve_motion_alone(dense, start, task.p, problem.Settings(relative_decrease=1e-7))
+        start = blocks.solve_motion_alone(replace(dense, closed=False), start, task.p, _LOOSE).q
+    found = blocks.solve_motion_alone(dense, start, task.p, problem.Settings(relative_decrease=1e-7))
     gap = task.measured - trees.pose_markers(task.tree, found.q, task.p)
     cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
     return sweep.MotionSolution(

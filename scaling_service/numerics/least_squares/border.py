@@ -15,7 +15,7 @@ import scipy
 from scipy import linalg
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.frames import (
+from scaling_service.numerics.least_squares.blocks import (
     Block,
     Eliminated,
     clip_to_bounds,

@@ -17,7 +17,16 @@ from scipy import linalg
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares import border as borders
-from scaling_service.numerics.least_squares import frames
+from scaling_service.numerics.least_squares.blocks import (
+    EASE,
+    LEAST,
+    ROUNDING,
+    STUCK,
+    TIGHTEN,
+    clip_to_bounds,
+    compute_frame_costs,
+    compute_residuals,
+)
 from scaling_service.numerics.least_squares.problem import Outcome, Problem, Settings, Solution, find_seen
 
 _NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
@@ -58,22 +67,19 @@ def solve(
     ``progress``: called with the step's number and the cost.
     ``start``: (n_parameters,).
     """
-    q, p = frames.clip_to_bounds(problem, q0.copy(), (p0 if start is None else start).copy())
+    q, p = clip_to_bounds(problem, q0.copy(), (p0 if start is None else start).copy())
     cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
     damping = borders.DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
         trial_q, trial_p, promised = borders.compute_step(problem, q, p, p0, damping)
-        if (
-            promised <= settings.relative_decrease * cost + frames.ROUNDING
-            or damping.parameters > frames.STUCK
-        ):
+        if promised <= settings.relative_decrease * cost + ROUNDING or damping.parameters > STUCK:
             return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
         # Frames share only the parameters: in each the coordinates are chosen that suit the trial's.
-        moved, stayed = (frames.compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
+        moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
         improved = np.less_equal(moved, stayed)
         trial_q = np.where(improved[:, None], trial_q, q)
         trial_cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
-        own = damping.frames * np.where(improved, frames.EASE, frames.TIGHTEN)
+        own = damping.frames * np.where(improved, EASE, TIGHTEN)
         if trial_cost < cost:
             # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
             kept = (cost - trial_cost) / promised
@@ -84,7 +90,7 @@ def solve(
         else:
             shared = max(damping.parameters, 1e-8) * raise_by
             raise_by *= 2.0
-        damping = borders.DampingShares(np.clip(own, frames.LEAST, frames.STUCK), max(shared, frames.LEAST))
+        damping = borders.DampingShares(np.clip(own, LEAST, STUCK), max(shared, LEAST))
     return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
@@ -96,7 +102,7 @@ def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:
 
 def compute_total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
     """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
-    return compute_prior_cost(problem, p, p0) + float(frames.compute_frame_costs(problem, q, p).sum())
+    return compute_prior_cost(problem, p, p0) + float(compute_frame_costs(problem, q, p).sum())
 
 
 def estimate_uncertainty(
@@ -151,7 +157,7 @@ def estimate_residual_variance(problem: Problem, q: Array, p: Array) -> float:
     ``p``: (n_parameters,).
     """
     shown = find_seen(problem.measured)
-    gaps = frames.compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
+    gaps = compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
     total = float((np.where(shown[:, :, None], gaps, 0.0) ** 2).sum())
     spent = problem.n_frames * len(problem.coordinates) + len(problem.parameters)
     left = max(3 * int(shown.sum()) - spent, 1)

@@ -1,4 +1,4 @@
-"""The frames of a kinematic problem: what each costs, its normal equations, and its step.
+"""The blocks of a kinematic problem, one a frame: what each costs, its normal equations, and its step.
 
 Where the parameters are known, frames share nothing, and this is all that it takes to solve them.
 """

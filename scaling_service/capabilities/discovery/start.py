@@ -169,7 +169,7 @@ def find_steps(forces: TrialForces, model: BodyModel) -> tuple[Step, ...]:
         for at, plate in enumerate(forces.ground.plates):
             for start, stop in find_runs(own[:, at]).tolist():
                 frames = slice(start, stop)
-                whole = (start > 0 and stop <= last) or (start == 0 and stop == last + 1)
+                whole = start > 0 and stop <= last
                 clean = lone[frames].all() and not contacts.over_edge[frames, k].any()
                 if clean and plate not in shared and stop - start >= MIN_SAMPLES:
                     found.append(

@@ -47,7 +47,7 @@ def _with_column(model: body.BodyModel, column: candidates.Column, size: float) 
     for part in column.parts:
         if isinstance(part.spot, spots.SizeSpot):
             model = part.spot.resize(model, part.gain * size)
-        elif not isinstance(part.spot, spots.VolumeSpot):
+        elif isinstance(part.spot, spots.JointSpot | spots.MarkerSpot):
             model = part.spot.put(model, make_law(part.profile, part.gain * size))
     return model
 

@@ -8,8 +8,8 @@ look like.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -81,7 +81,33 @@ class VolumeSpot:
     """The size of the whole measured volume about the laboratory's origin."""
 
 
-Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot
+@dataclass(frozen=True, slots=True)
+class FieldSpot:
+    """What cameras make of a place: a shift along an axis of the room, by powers of where it is.
+
+    Where that is counts from a middle (m), in so many metres. ``late``: it comes so much later (s) instead.
+    """
+
+    powers: tuple[int, int, int]
+    middle: body.Vector
+    reach: float
+    _: KW_ONLY
+    axis: int = 0
+    late: bool = False
+
+    def move(self, places: Array, speeds: Array) -> Array:
+        """Places (m, 3, n), with their speeds, per unit of this."""
+        away = (places - np.array(self.middle)[:, None]) / self.reach
+        grows = np.prod(away ** np.array(self.powers)[:, None], axis=1)
+        if self.late:
+            return np.asarray(-speeds * grows[:, None])
+        moved = np.zeros_like(places)
+        moved[:, self.axis] = grows
+        return moved
+
+
+OfVolume = VolumeSpot | FieldSpot
+Spot = JointSpot | MarkerSpot | SizeSpot | OfVolume
 
 
 def find_turning_joints(segment: body.Segment) -> tuple[int, int] | None:
@@ -117,7 +143,7 @@ def with_parameters(model: body.BodyModel, spots: Sequence[Spot]) -> tuple[body.
     """
     names = []
     for k, spot in enumerate(spots):
-        if isinstance(spot, VolumeSpot):
+        if isinstance(spot, OfVolume):
             names.append("")
         elif isinstance(spot, SizeSpot):
             model = free_scale(model, spot.segment, 0.9)
@@ -145,7 +171,7 @@ class Generators:
     tree: trees.Tree
     p: Array
     variables: NDArray[np.intp]
-    volumes: tuple[int, ...]  # which spots are of the volume, in which places move by themselves
+    volumes: Mapping[int, OfVolume]  # which spots are of the volume
 
     @classmethod
     def of(cls, item: MotionFit, spots: Sequence[Spot]) -> Generators:
@@ -155,7 +181,7 @@ class Generators:
         number = {p.name: k for k, p in enumerate(opened.parameters)}
         free = np.flatnonzero(item.task.free)
         chosen = [tree.n_coordinates + number[name] for name in names if name]
-        volumes = tuple(k for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot))
+        volumes = {k: spot for k, spot in enumerate(spots) if isinstance(spot, OfVolume)}
         return cls(
             tree,
             list_parameter_values(opened),
@@ -173,7 +199,10 @@ class Generators:
             at = [count + k for k in self.volumes]
             of_body = np.delete(np.arange(len(rates) + len(at)), at)
             every = np.empty((len(rates) + len(at), *rates.shape[1:]))
-            every[of_body], every[at] = rates, placed
+            every[of_body] = rates
+            speeds = np.moveaxis(item.speeds[rows], 0, -1)
+            for k, spot in self.volumes.items():
+                every[count + k] = placed if isinstance(spot, VolumeSpot) else spot.move(placed, speeds)
             rates = every
         measured = item.task.measured[rows]
         shown = np.isfinite(measured).reshape(n, -1)

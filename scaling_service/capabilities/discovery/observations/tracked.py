@@ -142,6 +142,11 @@ class MotionFit:
         tree = self.task.tree
         return np.moveaxis(place_tree_markers(tree, self.poses), -1, 0)
 
+    @cached_property
+    def speeds(self) -> Array:
+        """Of the model's markers, (n_frames, n_markers, 3), m/s, ground."""
+        return np.asarray(np.gradient(self.places, self.times, axis=0))
+
     @property
     def poses(self) -> Poses:
         """Of all segments in all frames."""

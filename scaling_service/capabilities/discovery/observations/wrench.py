@@ -53,7 +53,7 @@ class Step:
     segments: tuple[str, ...]  # of the foot
     outward: float  # 1 where the foot's outer side is to its right, else -1
     frames: slice
-    whole: bool  # from its coming down to its going, or throughout a recording
+    whole: bool  # from its coming down to its going: else pressure may lie anywhere along it
 
 
 @dataclass(frozen=True, slots=True, eq=False)

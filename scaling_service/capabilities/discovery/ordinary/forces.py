@@ -350,7 +350,7 @@ class WrenchTable:
                 [2.0 * scipy.stats.rankdata(shown[s]) / max(s.stop - s.start, 1) - 1.0 for s in spans]
             ),
         ]
-        return [*ways, *(1.5 * way**2 - 0.5 for way in ways), *(np.cos(2.0 * np.pi * way) for way in ways)]
+        return [course for way in ways for course in bend_course(way)]
 
     def score_roughly(
         self,
@@ -398,6 +398,10 @@ class WrenchTable:
         """What whitens the rows at some levels (n_recordings, 6), (n, 6)."""
         return np.asarray(np.sqrt(self.weight) / (self.sd * (self.of @ levels)))
 
+    def rate_levels(self, evidence: ForceEvidence) -> Array:
+        """By how many of their deviations components are livelier than usual, (n_recordings, 6)."""
+        return np.asarray(np.log(evidence.levels) / (self.shared @ self.spread))
+
     def average(self, values: Array) -> Array:
         """Means over the rows of each recording, (n_recordings, 6)."""
         return np.asarray(self.of.T @ values / np.maximum(self.of.sum(axis=0), 1.0)[:, None])
@@ -405,6 +409,11 @@ class WrenchTable:
     def explain(self, numbers: Sequence[int], size: Array) -> Array:
         """What some columns of a size make of the wrench, (n, 6)."""
         return np.asarray(self.columns[:, :, list(numbers)] @ size)
+
+
+def bend_course(way: Array) -> list[Array]:
+    """Of a course (n,) from -1 to 1: that, out and back, and there and back again."""
+    return [way, 1.5 * way**2 - 0.5, np.cos(2.0 * np.pi * way)]
 
 
 def measure_noise(table: WrenchTable, levels: Array) -> Array:

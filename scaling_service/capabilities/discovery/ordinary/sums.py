@@ -209,6 +209,24 @@ def weigh_markers(recordings: Sequence[tuple[White, Array]]) -> Array:
     return np.asarray(weigh_marker(energy, count).sum(axis=-1))
 
 
+def score_course(
+    white: White, left: Array, columns: Array, courses: Array, sd: float | Array
+) -> tuple[float, float]:
+    """Log Bayes factor of courses (k, n) of columns (n, j, 3 m) together, every marker as lively as it is.
+
+    And the size of what moves. ``left``: residuals, whitened; ``sd``: of every course of each column, (j,).
+    """
+    moving = (courses[:, None, :, None] * columns.transpose(1, 0, 2)).reshape(-1, left.size)
+    sd = np.tile(np.broadcast_to(sd, columns.shape[1:2]), len(courses))
+    inverse = np.linalg.inv(np.diag(sd**-2.0) + white.look.weight * moving @ moving.T)
+    sizes = white.look.weight * inverse @ (moving @ left.ravel())
+    prior = 0.5 * float(np.square(sizes / sd).sum())
+    prior -= 0.5 * float(np.linalg.slogdet(inverse / np.outer(sd, sd))[1])
+    after = left - (sizes @ moving).reshape(left.shape)
+    now, before = (float(weigh_markers([(white, x)])) for x in (after, left))
+    return now - before - prior, float(np.linalg.norm(sizes))
+
+
 def find_best_span(gains: Array) -> tuple[float, slice]:
     """The neighbouring frames with the largest sum, and that sum; none where nothing is positive.
 

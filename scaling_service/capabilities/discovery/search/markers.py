@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.missing_dof import find_free_motions
@@ -25,9 +26,11 @@ from scaling_service.capabilities.discovery.ordinary.body import (
     make_clusters,
 )
 from scaling_service.capabilities.discovery.ordinary.columns import Base
+from scaling_service.capabilities.discovery.ordinary.forces import OF_MOVEMENT, bend_course
 from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
-from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
+from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White, score_course
+from scaling_service.capabilities.discovery.search.cameras import EVERYDAY, OFF_M, propose_cameras
 from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.core.arrays import Array
 
@@ -37,6 +40,7 @@ _WANDERING, _LASTING = 4, 4
 _AGAIN = 12
 """Of the likeliest that are looked at once more, levels learnt beside them (chosen: the lead is there)."""
 
+_TINY = 1e-9  # of a coefficient that is zero
 _WORTH = -2.0  # log odds from which that is done
 
 
@@ -57,6 +61,7 @@ class BodyTable:
     base: Base
     ordinary: Ordinary
     candidates: Sequence[tuple[Candidate, Array]]  # with prior deviations
+    cameras: Sequence[tuple[Candidate, Array]]  # that misread, with the same
     whites: Sequence[White]
     table: Table
     loose: dict[str, float]  # part of the body to the level at which its skin wanders
@@ -82,7 +87,12 @@ class BodyTable:
             for e in fit.effects
             if is_of_body(e.candidate)
         ]
-        for candidate in (*(c for c, _ in found), *(e.candidate for e, _ in own)):
+        cameras = list(propose_cameras(fit.tracked))
+        for candidate in (
+            *(c for c, _ in found),
+            *(e.candidate for e, _ in own),
+            *(c for c, _ in cameras),
+        ):
             base.include(candidate)
         looks = _look(fit, base)
         loose = {c.part: 1.0 for look in looks for c in look.clusters}
@@ -108,6 +118,7 @@ class BodyTable:
             base=base,
             ordinary=ordinary,
             candidates=found,
+            cameras=cameras,
             whites=whites,
             table=table,
             loose=loose,
@@ -181,11 +192,67 @@ class BodyTable:
         at = self._list_places(candidate) if odds > self.fit.settings.odds else []
         return Ranked(odds - max(map(self._score_livelier, at), default=0.0), candidate, anew)
 
+    def find_misreading(self) -> tuple[float, Candidate, Array]:
+        """The likeliest way in which cameras misread: log odds, and its numbers.
+
+        Against what every volume is off by, and skin that is livelier at any one segment.
+        """
+        wanders = Candidate("camera_readings", ("markers",), (), note="wandering")
+        found = [(self._score_wandering(), wanders, np.zeros(0))]
+        for candidate, sd in self.cameras:
+            L = self.base.expand(candidate)
+            large, everyday = (self.table.score_learning(L, share * sd) for share in (1.0, EVERYDAY))
+            found.append((large.bayes - max(everyday.bayes, 0.0), candidate, large.size))
+        bayes, candidate, size = max(found, key=lambda one: one[0])
+        odds = bayes - math.log(len(found))
+        if odds > self.fit.settings.odds:
+            odds -= max(self._score_livelier(s.name) for s in self.fit.scene.bearing)
+        return odds, candidate, size
+
+    def _score_wandering(self) -> float:
+        """Log Bayes factor of a volume that is stretched anew in every frame, against one that all are."""
+        spots, value = {spot: k for k, spot in enumerate(self.base.spots)}, 0.0
+        at = [spots[part.spot] for part in self.cameras[0][0].parts]
+        for k, white in enumerate(self.whites):
+            columns, left = white.columns[:, at], white.subtract(self.base, self.estimate(k))
+            shown = columns @ columns.transpose(0, 2, 1)
+            scores = np.matmul(columns, left[:, :, None])
+            for share, sign in ((1.0, 1.0), (EVERYDAY, -1.0)):
+                inverse = np.linalg.inv(np.eye(len(at)) / (share * OFF_M) ** 2 + shown)
+                gain = (scores * (inverse @ scores)).sum() + np.linalg.slogdet(
+                    inverse / (share * OFF_M) ** 2
+                )[1].sum()
+                value += sign * 0.5 * white.look.weight * float(gain)
+        return value
+
     @cached_property
     def left(self) -> list[tuple[White, Array]]:
         """Residuals of every recording less everything that lasts, (n, 3 m), as if none went astray."""
         plain = [white.look.whiten(self.loose) for white in self.whites]
         return [(w, w.subtract(self.base, self.estimate(k))) for k, w in enumerate(plain)]
+
+    def score_drift(self, effect: Estimate, sd: Array) -> float:
+        """Log Bayes factor of a named effect's changing in the course of recordings, beside itself.
+
+        ``sd``: of what it changes by. Against a change by a share of itself, by which persons and models
+        disagree with any size.
+        """
+        L, found = self.base.expand(effect.candidate), []
+        here = [both for both in self.left if effect.candidate.holds_in(both[0].look.item.name)]
+        shown = [
+            np.matmul(white.spread_over_spots(self.base, L).transpose(0, 2, 1), white.columns)
+            for white, _ in here
+        ]
+        for by in (sd, OF_MOVEMENT * np.abs(effect.size) + _TINY):
+            every = [
+                [
+                    score_course(white, left, c, way[None], by)[0]
+                    for way in bend_course(np.linspace(-1.0, 1.0, len(left)))
+                ]
+                for (white, left), c in zip(here, shown, strict=True)
+            ]
+            found.append(float(scipy.special.logsumexp(np.sum(every, axis=0))))
+        return found[0] - found[1]
 
     def tune_swings(self) -> list[Estimate]:
         """Effects, with what swings at its likeliest frequency and damping."""

@@ -34,10 +34,12 @@ from scaling_service.capabilities.discovery.ordinary.forces import NOISE, ForceE
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
+from scaling_service.capabilities.discovery.search.cameras import describe_cameras
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.instruments import Prior, find_misreading
-from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
+from scaling_service.capabilities.discovery.search.jumps import Jump, list_jumps
+from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked, is_of_body
 from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces, is_of_markers
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
@@ -56,7 +58,9 @@ LIVELY = "most like {}, which leaves its place livelier than others"
 DRIFTS = "most like {}, but of a size that changes in the course of a recording"
 GROWN = "most like {}, but of a size that nobody meets"
 ONE_OF_MANY = "most like {}, and as much like several others"
+CARRIED = "most like {}, but of what a marker carries that is livelier than others"
 MISREAD = "its readings are off as by no fault that is known; most simply, {}"
+CAMERAS = "all markers are off as by cameras that misread; most simply, {}"
 UNLIKE = "in {} it is off between {:.2f} and {:.2f} s by more than elsewhere, as by no touch of the body"
 
 _TUNED, _IN_TUNE = 6, 0.005
@@ -69,6 +73,9 @@ class Search(Naming):
     """Labels, body and forces, one after the other."""
 
     misread: list[tuple[Prior, str]] = field(default_factory=list)  # plates, and how in words
+    distorted: bool = False  # whether cameras misread: the motion is not what was done
+    jumps: list[Jump] = field(default_factory=list)
+    astray: set[str] = field(default_factory=set)  # segments and joints of markers that are lively or jump
     together: dict[str, float] = field(
         default_factory=dict
     )  # log odds of touches with others of their segment
@@ -125,6 +132,8 @@ class Search(Naming):
             if count == self.settings.most:
                 break
             chosen = self._reorder(body, ranked)
+            if self._find_distorted(body, chosen):
+                break
             classes = self._tell_classes(chosen, body.compare)
             if not self._name_first(chosen, self._refit_markers, classes):
                 astray = body.list_astray(self.settings.unexplained)
@@ -134,12 +143,37 @@ class Search(Naming):
                 self._take_back(min(unproven, key=lambda n: n.odds).key)
         return self._withdraw_of_body(body)
 
+    def _find_distorted(self, body: BodyTable, ranked: Sequence[Ranked]) -> bool:
+        """Whether cameras that misread as by no known fault are likelier than all that could be named."""
+        odds, candidate, size = body.find_misreading()
+        passed = self.refused | self.fit.by_key.keys()
+        best = max((r.odds for r in ranked if r.candidate.key not in passed), default=-math.inf)
+        if odds < max(self.settings.odds, best):
+            return False
+        said = CAMERAS.format(describe_cameras(candidate, size))
+        self.withdrawn[candidate.key] = candidate, candidate.where, said
+        self.distorted = True
+        taken = {n.key for n in self.named if n.candidate.where == candidate.where}
+        for key in taken:
+            self._take_back(key)
+        return True
+
     def _withdraw_of_body(self, body: BodyTable) -> BodyTable:
         """Without what leaves its markers livelier than others of their part, or is one of many alike."""
-        lively = body.list_astray(_LIVELY)
+        lively, astray = body.list_astray(_LIVELY), body.list_astray(self.settings.unexplained)
+        self.jumps = list_jumps(body, self.settings.odds)
+        astray |= {marker for _, marker, *_ in self.jumps}
+        bearing = {m.segment for m in self.fit.model.markers if m.name in astray}
+        self.astray = bearing | {s.joint_name for s in self.fit.model.segments if s.name in bearing}
+        sizes, model = self.fit.by_key, self.fit.model
         for one in [n for n in self.named if not isinstance(n.candidate.change, Exchange)]:
+            sd = list_usual_deviations(one.candidate, model) if is_of_body(one.candidate) else None
             if lively & set(one.candidate.where):
                 self._withdraw(one, LIVELY)
+            elif self.astray & set(one.candidate.where):
+                self._withdraw(one, CARRIED)
+            elif sd is not None and body.score_drift(sizes[one.key], sd) > self.settings.odds:
+                self._withdraw(one, DRIFTS)
             elif len(one.equivalents) >= _MANY:
                 self._withdraw(one, ONE_OF_MANY)
         if not self.withdrawn:
@@ -251,7 +285,7 @@ class Search(Naming):
             loads, ranked = self._rank_forces()
             self.last["wrench"] = ranked
             self._remember(ranked, loads.square)
-            if count == self.settings.most:
+            if count == self.settings.most or self.distorted:
                 break
             if self._find_misread(ranked):
                 continue
@@ -272,8 +306,12 @@ class Search(Naming):
         for k, one in enumerate(ours):
             of_forces, sd = is_of_forces(one.candidate), list_usual_deviations(one.candidate, self.fit.model)
             where: tuple[str, ...] = ()
-            if of_forces and not is_met(one.candidate, sizes[one.key].size, self.fit.model):
+            if self.astray & set(one.candidate.where):
+                reason = CARRIED
+            elif of_forces and not is_met(one.candidate, sizes[one.key].size, self.fit.model):
                 reason = GROWN
+            elif _find_lively(loads, self.settings.unexplained) & {self._find_most(one)}:
+                reason = LIVELY
             elif of_forces and sd is not None and loads.score_drift(sizes[one.key], sd) > self.settings.odds:
                 reason = DRIFTS
             elif len(one.equivalents) >= _MANY:
@@ -422,6 +460,12 @@ class Search(Naming):
 
     def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:
         return fit_wrenches(replace(self.fit, effects=tuple(effects)))
+
+
+def _find_lively(loads: Loads, limit: float) -> set[str]:
+    """Components of the wrench that are livelier than usual, by so many deviations."""
+    most = loads.table.rate_levels(loads.none).max(axis=0)
+    return {COMPONENTS[k] for k in np.flatnonzero(most > limit)}
 
 
 def place_mass(ranked: Sequence[Ranked], mass: Ranked, *, disagree: bool) -> int:

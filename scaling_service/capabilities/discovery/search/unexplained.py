@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
 from scaling_service.capabilities.discovery.document import UnexplainedDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.ordinary.body import RESTUCK_M
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.ordinary.sums import White, weigh_markers
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
 from scaling_service.capabilities.discovery.search.gaps import (
     Yardstick,
@@ -24,13 +20,8 @@ from scaling_service.capabilities.discovery.search.gaps import (
 )
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.searching import Search
-from scaling_service.core.arrays import Array
-from scaling_service.model.people import read_people
-from scaling_service.model.places import tell_landmarks
 
 _REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
-_SLOW = 5  # order up to which polynomials are what wanders slowly (chosen)
-_JUMP_M = 0.025  # half of what is met of a marker's offset (``effect_sizes.yaml``)
 
 
 def list_unexplained(
@@ -44,7 +35,7 @@ def list_unexplained(
         place: math.sqrt(np.mean([known[place][0] ** 2 for known in yardstick.values() if place in known]))
         for place in rms
     }
-    jumps = sorted((j for j in _list_jumps(body) if j[0] > search.settings.odds), reverse=True)
+    jumps = search.jumps
     jumped = {j[1]: j for j in reversed(jumps)}
     found: list[tuple[float, tuple[str, ...], str, str]] = [
         (math.log(body.strays[m]), (m,), m, "") for m in body.list_astray(limit) - jumped.keys()
@@ -56,10 +47,10 @@ def list_unexplained(
     said = {where: reason.format(_call(c)) for c, where, reason in search.withdrawn.values()}
     if forces is not None:
         table, evidence = forces
-        lively = np.log(evidence.levels) / (table.shared @ table.spread)
         for k, component in enumerate(COMPONENTS):
-            row = int(lively[:, k].argmax())
-            if lively[row, k] > limit:
+            lively = table.rate_levels(evidence)[:, k]
+            row = int(lively.argmax())
+            if lively[row] > limit:
                 trial, level = fit.wrenches[row].name, float(evidence.levels[row, k])
                 rms[component] = rms_by_place(fit, [trial], forces=True)[component]
                 floors[component] = yardstick[trial][component][0] / level
@@ -120,57 +111,3 @@ def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str, 
                 law = f"in {forces.name} it {repair.detail}"
                 found.setdefault(repair.where, ((plate,), (component,), law, repair.off))
     return list(found.values())
-
-
-def _list_jumps(body: BodyTable) -> Iterator[tuple[float, str, str, float, float]]:
-    """Of every marker, its likeliest jump from one place on its segment to another.
-
-    Log odds against wandering, however lively or slowly, the marker, the recording, the time (s) and the size
-    (m).
-    """
-    numbers = {spot: k for k, spot in enumerate(body.base.spots)}
-    model, people = body.fit.model, read_people()
-    told = tell_landmarks(model)
-    # A head nods, and shoulders shrug
-    still = [
-        m.name for m in model.markers if not people.girdle_sd(model.bone_of(m.segment), told.get(m.name))
-    ]
-    for white, left in body.left:
-        item, weight = white.look.item, white.look.weight
-        shown = [m for m in item.markers if MarkerSpot(m, 0) in numbers and m in still]
-        # From each frame on, about the mean of the whole, which is the marker's place
-        after = np.tri(len(left)).T[1:]
-        after -= after.mean(axis=1, keepdims=True)
-        slowly: Array = np.asarray(
-            np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(left)), _SLOW).T[1:], dtype=float
-        )
-        for marker in shown:
-            columns = white.columns[:, [numbers[MarkerSpot(marker, axis)] for axis in range(3)]]
-            scores = weight * after @ np.matmul(columns, left[:, :, None])[:, :, 0]
-            each = weight * np.matmul(columns, columns.transpose(0, 2, 1))
-            inverse = np.linalg.inv(np.eye(3) / _JUMP_M**2 + np.einsum("sn,nij->sij", np.square(after), each))
-            gains = np.einsum("si,sij,sj->s", scores, inverse, scores) + np.linalg.slogdet(inverse)[1]
-            k = int(np.argmax(gains))
-            step = after[k : k + 1]
-            bayes, size = _score_course(white, left, columns, step, _JUMP_M)
-            if bayes > 0.0:
-                rivals = (slowly, _JUMP_M), (step, RESTUCK_M)
-                bayes -= max(0.0, *(_score_course(white, left, columns, *rival)[0] for rival in rivals))
-            at = item.times[white.look.rows[k + 1]]
-            yield bayes - math.log(len(after) * len(shown)), marker, item.name, float(at), size
-
-
-def _score_course(
-    white: White, left: Array, columns: Array, courses: Array, sd: float
-) -> tuple[float, float]:
-    """Log Bayes factor of some courses (k, n) of a marker together, every marker as lively as it is.
-
-    And the size of what moves, m. ``sd``: of each, m.
-    """
-    moving = (courses[:, None, :, None] * columns.transpose(1, 0, 2)).reshape(3 * len(courses), -1)
-    inverse = np.linalg.inv(np.eye(len(moving)) / sd**2 + white.look.weight * moving @ moving.T)
-    sizes = white.look.weight * inverse @ (moving @ left.ravel())
-    prior = 0.5 * float(np.square(sizes / sd).sum()) - 0.5 * float(np.linalg.slogdet(inverse / sd**2)[1])
-    after = left - (sizes @ moving).reshape(left.shape)
-    now, before = (float(weigh_markers([(white, x)])) for x in (after, left))
-    return now - before - prior, float(np.linalg.norm(sizes))

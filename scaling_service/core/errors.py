@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import os
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 P = typing.ParamSpec("P")
@@ -116,3 +117,19 @@ class MarkerMissing(InputError):
 
 class DependencyMissing(InputError):
     """An optional library is needed for what was asked."""
+
+
+@contextmanager
+def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
+    """Let errors raised inside name a file.
+
+    ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.
+    """
+    try:
+        yield
+    except InputError as error:
+        by_stem = {path.stem: path for path in trials}
+        found = file if error.file is None else by_stem.get(error.file)
+        if found is not None:
+            error.file = str(found)
+        raise

@@ -362,6 +362,17 @@ class BodyModel:
         """The coordinate of that name (KeyError if none)."""
         return _find_named(self.coordinates, name)
 
+    @property
+    def knows_its_person(self) -> bool:
+        """Whether it holds more of its person than plain inverse kinematics uses."""
+        return bool(self.posterior or self.expectations or any(m.noise is not None for m in self.markers))
+
+    def shows_key_points_alone(self, labels: abc.Iterable[str]) -> bool:
+        """Whether all of its markers among these labels are key points of video, and there are any."""
+        shown = set(labels)
+        own = [m for m in self.markers if m.name in shown and m.weight > 0.0]
+        return bool(own) and all(m.noise is not None and not m.is_direction for m in own)
+
     def bone_of(self, segment: str) -> str:
         """The bone that a segment stands for: what the model says of it, else its own name."""
         return next((bone for bone, name in self.bones if name == segment), segment)

@@ -40,6 +40,12 @@ def list_model_values(model: BodyModel, values: abc.Mapping[str, float] | None =
     return known
 
 
+def straighten(model: BodyModel) -> dict[str, float]:
+    """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
+    turning = [c for _, joint in model.joints() if joint.kind == "rotation" for c in joint.law.coordinates]
+    return list_model_values(model, dict.fromkeys(turning, 0.0))
+
+
 def pose_neutral_frames(model: BodyModel, values: abc.Mapping[str, float] | None = None) -> dict[str, Frame]:
     """The frame of every segment in one pose.
 

@@ -90,6 +90,12 @@ class Subject:
     sizes_m: Mapping[str, float] = dataclasses.field(default_factory=lambda: _NO_SIZES)
 
 
+def list_recordings(subject: Subject) -> tuple[Path, ...]:
+    """The files of all trials, each once: static, calibration, evaluation."""
+    static = () if subject.static is None else (subject.static,)
+    return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class Measurement:
     """One measurement of a linear scaling: marker pairs whose mean length ratio scales segments.
@@ -160,6 +166,13 @@ class Session:
     def warnings(self) -> tuple[str, ...]:
         """The notes as sentences."""
         return tuple(map(str, self.notes))
+
+    @property
+    def unmarked(self) -> bool:
+        """Whether no recording has a marker on skin: rotations alone, or key points of video."""
+        marked = [one for one in (self.static, *self.dynamic) if one is not None]
+        shown = [label for one in marked for label in one.shown_labels]
+        return self.model.shows_key_points_alone(shown) if marked else bool(self.rotations)
 
     @property
     def dynamic(self) -> tuple[trial.Trial, ...]:

@@ -9,7 +9,6 @@ import numpy as np
 from scaling_service.core.text import list_few
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
-from scaling_service.model.anatomy.key_points import shows_key_points_alone
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.recording.exchanged import Clusters
@@ -33,7 +32,7 @@ def ask_root(trial: Trial, model: body.BodyModel | None, clusters: Clusters) -> 
         return
     shown = set(trial.shown_labels)
     carried = {m.name: m.segment for m in model.markers if m.name in shown and m.weight > 0.0}
-    if shows_key_points_alone(model, shown):
+    if model.shows_key_points_alone(shown):
         return  # loading tells that they leave a pelvis's tilt to what is ordinary
     for root in model.children(body.GROUND):
         free = {t.coordinate for j in root.joints for t in j.law.terms if t.coordinate is not None}

@@ -25,10 +25,10 @@ from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.files.osim.muscles import Attachment, read_attachments
-from scaling_service.model.anatomy.lengths import find_joint_ends, measure_segment_lengths, straighten
+from scaling_service.model.anatomy.lengths import find_joint_ends, measure_segment_lengths
 from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.parameters import compute_axis
-from scaling_service.model.poses import follow
+from scaling_service.model.poses import follow, straighten
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence, ImagePose
 from tests.calibration.people import Person, imaged, person

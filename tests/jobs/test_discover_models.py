@@ -26,10 +26,10 @@ from scaling_service.capabilities.scaling.methods.osim_image_based import Regist
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.arrays import Array
 from scaling_service.files.osim.models import read_osim, write_osim
-from scaling_service.model.anatomy.lengths import straighten
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model.poses import straighten
 from scaling_service.model.results import Calibration
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.jobs.hidden_case import session

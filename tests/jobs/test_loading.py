@@ -11,8 +11,8 @@ import pytest
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.axes import agree_on_axes
 from scaling_service.capabilities.subject.loading import Loaded, load, read_files, read_model
-from scaling_service.capabilities.subject.reading import blame_file, load_subject
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.core.errors import InputError, SubjectInvalid, blame_file
 from scaling_service.files.trc import write_trc
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.rigid import rotate_about

@@ -9,8 +9,7 @@ import numpy as np
 from scaling_service.model.body import BodyModel, Parameter
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import free_axis, free_marker, free_scale
-from scaling_service.numerics.least_squares.estimator import Settings
-from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.least_squares.problem import Problem, Settings
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import Array, leg, leg_motion
 

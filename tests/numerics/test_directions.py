@@ -16,7 +16,7 @@ from scaling_service.model.compile import (
     repeat_default_pose,
 )
 from scaling_service.model.poses import pose_segments
-from scaling_service.numerics.least_squares.estimator import solve_motion_alone
+from scaling_service.numerics.least_squares.blocks import solve_motion_alone
 from scaling_service.numerics.least_squares.problem import Problem
 from scaling_service.numerics.multibody.sweep import solve_motion
 from scaling_service.numerics.multibody.tree import (

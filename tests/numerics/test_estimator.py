@@ -10,19 +10,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from scaling_service.numerics.least_squares.estimator import (
-    Outcome,
-    Settings,
-    estimate_uncertainty,
-    solve,
-    solve_motion_alone,
-)
-from scaling_service.numerics.least_squares.problem import (
-    Huber,
-    Problem,
-    compute_residuals,
-    compute_total_cost,
-)
+from scaling_service.numerics.least_squares.blocks import compute_residuals, solve_motion_alone
+from scaling_service.numerics.least_squares.estimator import compute_total_cost, estimate_uncertainty, solve
+from scaling_service.numerics.least_squares.problem import Huber, Outcome, Problem, Settings
 from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
 from tests.numerics.bodies import Array
 from tests.numerics.bordered import TIGHT, Case, case, freed

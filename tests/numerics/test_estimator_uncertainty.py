@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scaling_service.model.parameters import free_axis, free_marker, free_scale
-from scaling_service.numerics.least_squares.estimator import Settings, estimate_uncertainty, solve
-from scaling_service.numerics.least_squares.problem import compute_residuals
+from scaling_service.numerics.least_squares.blocks import compute_residuals
+from scaling_service.numerics.least_squares.estimator import estimate_uncertainty, solve
+from scaling_service.numerics.least_squares.problem import Settings
 from tests.numerics.bodies import leg
 from tests.numerics.bordered import TIGHT, case
 

@@ -12,8 +12,8 @@ from scaling_service.model.compile import compile_model
 from scaling_service.model.freed import free_named
 from scaling_service.model.parameters import free_marker
 from scaling_service.model.people import SkinSize
-from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.posterior import integrate_over, solve_posterior
+from scaling_service.numerics.least_squares.problem import Outcome
 from scaling_service.numerics.least_squares.whitening import ErrorGroup, GaussianPrior, PosteriorProblem
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import pose_markers

@@ -14,7 +14,6 @@ from scaling_service.capabilities.kinetics.forces import gather_movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
@@ -200,7 +199,7 @@ def prepare_squat(
     trials = {t.name: t for t in loaded.session.dynamic}
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
     for path, (source, raw) in gather_movement_forces(subject, loaded.plates).items():
-        with blame_file(path, [path]):
+        with errors.blame_file(path, [path]):
             # Labels of a body in space under the built-in models' names; those of the planar model stay.
             whole = trials[path.stem]
             wanted = {source for sources in markers.PLANAR_SOURCES.values() for source in sources}
@@ -213,7 +212,7 @@ def prepare_squat(
                     taken.add(known)
             trial = join_sides(whole.relabel(names))
             plane = find_sagittal_plane(trial)
-        with blame_file(source, [source]):
+        with errors.blame_file(source, [source]):
             forces = plates.synchronise(
                 plates.orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz
             )

@@ -9,13 +9,13 @@ from typing import Any
 
 from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
-from scaling_service.capabilities.subject.labels import find_elsewhere
 from scaling_service.model.anatomy import marker_sets
 from scaling_service.model.anatomy import markers as anatomy_markers
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.recording.identity import identify as identifying
+from scaling_service.recording.identity.tracking import find_elsewhere
 
 CONFIDENCE: abc.Mapping[str, float] = {
     "": 1.0,

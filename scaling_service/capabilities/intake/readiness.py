@@ -13,7 +13,6 @@ from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import list_few
 from scaling_service.model import builtin
-from scaling_service.model.anatomy.key_points import shows_key_points_alone
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 
@@ -94,7 +93,7 @@ def judge_readiness(
         or "no movement that is fitted (calibration) has forces",
         give="forces",
     )
-    video = shows_key_points_alone(model, [m.marker for m in markers if m.label is not None])
+    video = model.shows_key_points_alone([m.marker for m in markers if m.label is not None])
     text = "the recordings hold key points of video, too coarse for it"
     skin = [documents.Need(name="markers on skin", there=False, text=text, give="recordings")] * video
     persons = (*skin, feet, whole, height, mass)

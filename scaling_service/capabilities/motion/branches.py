@@ -123,17 +123,6 @@ def _make_triplet(axes: list[Array], row: list[tuple[Array, int, float, float]])
     )
 
 
-@lru_cache(maxsize=_TREES)
-def find_rotations(tree: Tree) -> NDArray[np.intp]:
-    """The coordinates that turn links, by themselves or while they shift them, (n_rotations,)."""
-    turns = {
-        tree.factors[e.term.factor].coordinate
-        for e in tree.plan.entries
-        if e.is_turn and e.term.factor != laws.NONE
-    }
-    return np.array(sorted(turns), dtype=np.intp)
-
-
 def find_loose(tree: Tree, bounds: Bounds) -> NDArray[np.bool_]:
     """Which coordinates may make full turns, which then change nothing, (n_coordinates,)."""
     loose = np.zeros(tree.n_coordinates, dtype=bool)

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.branches import find_rotations
+from scaling_service.capabilities.motion.solving import find_limit, solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.rigid import MIN_POINTS
-from scaling_service.numerics.multibody.sweep import MotionSolution
+from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 
 Index = NDArray[np.intp]
-Solve = Callable[[Index, Array], MotionSolution]
-"""Frames (rows), which may come again, and starts (n_rows, n_coordinates) to the minima reached from them."""
 
 SPEED = 3.0
 """Standard deviation of a joint's angular velocity, rad/s (chosen: the RMS of a knee in walking, 2.5 to 3
@@ -36,6 +32,9 @@ CAMERA_M = 1e-3
 
 SKIN_M = 0.01
 """Standard deviation of a marker about its bone, m (5 to 20 mm; Leardini et al. 2005)."""
+
+_RELEASE = SweepSettings(left=2e-2, max_steps=3)
+"""Chosen: enough to see that limits hold a limb far off its markers."""
 
 _WORSE = (
     4.0  # chosen: times its cost without limits, in most frames, or of the root, from which to doubt a limb
@@ -99,20 +98,22 @@ def measure_limbs(task: Task, rows: Index, q: Array) -> Array:
     return np.stack([squares[:, limb.markers].sum(axis=1) for limb in limbs], axis=1)
 
 
-def find_held(task: Task, q: Array, release: Solve) -> NDArray[np.bool_]:
+def find_held(task: Task, q: Array) -> NDArray[np.bool_]:
     """Where a limb stands far worse by its limits than it would without them, (n_frames, n_limbs).
 
     A joint may well stand at the end of its range; but where the limits cost a limb more than its markers
     leave unexplained anyway, another minimum within them is likely.
 
-    ``q`` (n_frames, n_coordinates). ``release``: solves frames without limits.
+    ``q`` (n_frames, n_coordinates).
     """
     limbs = list_limbs(task.tree, task.free)
     held = np.zeros((len(q), len(limbs)), dtype=bool)
     at_end = ((q <= task.bounds[0]) | (q >= task.bounds[1])) & task.free
     rows = np.flatnonzero(at_end.any(axis=1))
     if len(rows):
-        released = measure_limbs(task, rows, release(rows, q[rows]).q)
+        without = (np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf))
+        free = replace(task.in_frames(rows), bounds=without)
+        released = measure_limbs(task, rows, solve_from(free, q[rows], settings=_RELEASE).q)
         least = np.array([task.weights[limb.markers].sum() for limb in limbs]) * CAMERA_M**2
         now = measure_limbs(task, rows, q[rows])
         whole = now.max(axis=1, keepdims=True)
@@ -120,12 +121,16 @@ def find_held(task: Task, q: Array, release: Solve) -> NDArray[np.bool_]:
     return held
 
 
-def find_outlying(task: Task, q: Array, rows: Index) -> NDArray[np.bool_]:
-    """Where, in some frames, a limb is much farther from its markers than mostly, (n_frames, n_limbs)."""
+def find_outlying(task: Task, found: MotionSolution) -> NDArray[np.bool_]:
+    """Where, in frames that stand out, a limb is much farther from its markers than mostly.
+
+    Returns (n_frames, n_limbs).
+    """
     limbs = list_limbs(task.tree, task.free)
-    outlying = np.zeros((len(q), len(limbs)), dtype=bool)
+    outlying = np.zeros((len(found.q), len(limbs)), dtype=bool)
+    rows = np.flatnonzero(found.cost > find_limit(found.cost))
     if len(rows):
-        costs = measure_limbs(task, np.arange(len(q)), q)
+        costs = measure_limbs(task, np.arange(len(found.q)), found.q)
         outlying[rows] = costs[rows] > _WORSE * np.median(costs, axis=0)
     return outlying
 
@@ -138,7 +143,7 @@ def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
     """
     limbs = list_limbs(task.tree, task.free)
     squares = _measure_markers(task, np.arange(len(q)), q)
-    heavy = np.where(find_seen(task.measured), task.weights, 0.0)
+    heavy = np.where(task.shown, task.weights, 0.0)
     root = task.tree.marker_rows[0]
     limit = 3.0 * SKIN_M**2 + _WORSE * squares[:, root].sum(axis=1) / (heavy[:, root].sum(axis=1) + _TINY)
     groups = [limb.markers for limb in limbs]
@@ -155,16 +160,14 @@ def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
     """
     limbs = list_limbs(task.tree, task.free)
     jumps = np.zeros((len(q), len(limbs)), dtype=bool)
-    turning = find_rotations(task.tree)
+    turning = task.tree.rotations
     fast = np.zeros(q[1:].shape, dtype=bool)
     fast[:, turning] = np.abs(np.diff(q[:, turning], axis=0)) > FASTEST * np.diff(times)[:, None]
     rows = np.flatnonzero(fast.any(axis=1))
     if len(rows):
         both = np.union1d(rows, rows + 1)
         known = np.zeros(q.shape, dtype=bool)
-        known[both] = find_determined(
-            task.tree, task.measured[both], task.weights, q[both], task.p, task.free
-        )
+        known[both] = find_determined(task.in_frames(both), q[both])
         fast &= known[1:] & known[:-1] & task.free
         own = np.stack([fast[:, limb.own].any(axis=1) for limb in limbs], axis=1)
         jumps[1:] |= own

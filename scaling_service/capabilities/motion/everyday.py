@@ -136,11 +136,6 @@ def pack_posterior(model: body.BodyModel, names: abc.Sequence[str], covariance: 
     return replace(model, posterior=told)
 
 
-def knows_people(model: body.BodyModel) -> bool:
-    """Whether a model holds more of its person than plain inverse kinematics uses."""
-    return bool(model.posterior or model.expectations or any(m.noise is not None for m in model.markers))
-
-
 def holds_skin(model: body.BodyModel) -> bool:
     """Whether a model was estimated with how skin follows its joints, not only how frames are mounted."""
     mounted = {p.name for p in model.parameters if p.group == "mounting"}
@@ -156,8 +151,8 @@ def follow_everyday(model: body.BodyModel, trial: Trial, q: Array) -> Array:
 
     ``model``: one that knows of people. ``q``: by plain least squares.
     """
-    people, ones = population.read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
-    prior, lawful = whitening.GaussianPrior(()), holds_skin(model)
+    prior, ones, lawful = whitening.GaussianPrior(()), np.ones(trial.n_frames), holds_skin(model)
+    people = population.read_people().with_skin(_take_posterior(model).skin)
     problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
     for _ in range(_EXPECTED_ANEW if model.expectations else 1):
         q = posteriors.solve_poses(_expect(problem, task, q), q, task.p)

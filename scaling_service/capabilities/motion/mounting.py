@@ -20,9 +20,9 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.capabilities.motion import everyday, frames
-from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.beside_markers import find_beside_markers, share_world
-from scaling_service.capabilities.motion.solving import solve_from
+from scaling_service.capabilities.motion.solving import guess_start, solve_from
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
@@ -169,11 +169,11 @@ def _choose(
         some = [frames.add_directions(_pick(t, _LOOKED_AT), segments, noise, one) for t in trials]
         misfit, count = 0.0, 0
         for trial in some:
-            task = tasks.Task.of(placed, trial)
+            task = Task.of(placed, trial)
             task = replace(task, bounds=compiling.list_coordinate_ranges(placed))
             neutral = compiling.repeat_default_pose(placed, 1)[0]
-            start = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
-            solution = solve_from(task, slice(None), start, settings=_ROUGH)
+            start = guess_start(task, neutral)
+            solution = solve_from(task, start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
         angle = float(
@@ -234,8 +234,8 @@ def _solve(
     problem = problem.hold_once()
     neutral = compiling.repeat_default_pose(model, 1)[0]
     within = replace(task, bounds=compiling.list_coordinate_ranges(model))
-    start_q = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
-    posterior = solve_posterior(problem, solve_from(within, slice(None), start_q).q, task.p)
+    start_q = guess_start(task, neutral)
+    posterior = solve_posterior(problem, solve_from(within, start_q).q, task.p)
     values = dict(zip(prior.names, posterior.p.tolist(), strict=True))
     parameters = tuple(replace(p, value=values[p.name]) for p in model.parameters)
     level = float(np.sqrt(posterior.misfit / posterior.freedom)) if posterior.freedom > 0.0 else 1.0

@@ -20,7 +20,7 @@ from scaling_service.core import arrays
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
 from scaling_service.model.builtin import lock_unmarked
-from scaling_service.numerics.least_squares.problem import find_distinct_patterns, find_seen
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import tree as trees
 
 _MARKER_M = 0.010
@@ -66,7 +66,7 @@ class Ranges:
     weight: arrays.Array
     shown: arrays.Mask
 
-    def in_frames(self, rows: slice | NDArray[np.intp]) -> Ranges:
+    def in_frames(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Ranges:
         """The same in some frames."""
         return Ranges(self.middle, self.spread, self.weight[rows], self.shown[rows])
 
@@ -110,6 +110,14 @@ def weigh_ranges(
     return Ranges(
         compiling.repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which]
     )
+
+
+def find_distinct_patterns(shown: arrays.Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The first frame of every pattern (n_frames, n_markers), and the pattern of every frame."""
+    packed = np.ascontiguousarray(np.packbits(shown, axis=1))  # one item a frame sorts far faster than rows
+    items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
+    _, first, which = np.unique(items, return_index=True, return_inverse=True)
+    return first, which
 
 
 def list_prior_sds(model: body.BodyModel) -> arrays.Array:

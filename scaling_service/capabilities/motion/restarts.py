@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion import branches
 from scaling_service.capabilities.motion import doubts as motion_doubts
+from scaling_service.capabilities.motion.solving import ROUGH, solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.laws import NONE
-from scaling_service.numerics.multibody.sweep import MotionSolution
+from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 from scaling_service.numerics.multibody.tree import Tree
 
 _BETTER = 0.05  # chosen: share of the cost by which another minimum must be better to count
@@ -32,6 +33,7 @@ _APART = 0.1  # chosen, rad: what is nearer is one minimum
 _SPACING = 10  # chosen: frames (0.8 s of the coarse ones) between two that are started anew
 _MOST = 16  # chosen: frames started anew, evenly spaced, and as many of the doubted
 _WIDE = 1.0  # chosen, rad: how far starts of a coordinate without a range lie from what was found
+_PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
 _BLOCK = 128  # steps measured together; all of a long recording would take gigabytes
 
 
@@ -46,7 +48,7 @@ def _measure_turns(
     """
     loose = branches.find_loose(tree, bounds)
     triplets = branches.find_triplets(tree)
-    for k in np.setdiff1d(branches.find_rotations(tree), [c for t in triplets for c in t.coordinates]):
+    for k in np.setdiff1d(tree.rotations, [c for t in triplets for c in t.coordinates]):
         yield np.sqrt(_measure(before[:, :, None, k, None], after[:, None, :, k, None], loose[[k]]))
     for triplet in triplets:
         own = triplet.coordinates
@@ -63,9 +65,7 @@ def _measure(first: Array, second: Array, loose: NDArray[np.bool_]) -> Array:
     return np.asarray(np.square(np.where(loose, branches.wrap(step), step)).sum(axis=-1))
 
 
-def confirm_doubts(
-    task: Task, found: MotionSolution, doubts: NDArray[np.bool_], solve: motion_doubts.Solve
-) -> bool:
+def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_]) -> bool:
     """Whether other starts of the doubted limbs lead to better poses in a few of the frames.
 
     ``doubts`` (n_frames, n_limbs).
@@ -79,7 +79,7 @@ def confirm_doubts(
         rows.append(few)
         drawn = _draw(random, task, found.q[few], limbs[number])
         starts.append(np.concatenate([found.q[few, None], drawn], axis=1))
-    cost = _solve_all(np.concatenate(rows), np.concatenate(starts), solve)[1]
+    cost = _solve_all(task, np.concatenate(rows), np.concatenate(starts), _PROBE)[1]
     return bool((cost[:, 1:].min(axis=1) < (1.0 - _BETTER) * cost[:, 0]).any())
 
 
@@ -104,7 +104,7 @@ def _choose_limbs(limbs: tuple[motion_doubts.Limb, ...], doubts: NDArray[np.bool
 
 
 def choose_minima(
-    task: Task, times: Array, found: MotionSolution, doubts: NDArray[np.bool_], solve: motion_doubts.Solve
+    task: Task, times: Array, found: MotionSolution, doubts: NDArray[np.bool_]
 ) -> MotionSolution:
     """The best sequence of minima that many starts find, instead of those that one start led to.
 
@@ -120,8 +120,8 @@ def choose_minima(
     limbs = motion_doubts.list_limbs(task.tree, task.free)
     chosen = _choose_limbs(limbs, doubts)
     turned = sorted({k for number in chosen for k in _list_parts(limbs, number)})
-    poses, costs = _find_minima(task, seeds, found, [limbs[k] for k in turned], solve)
-    return _follow(task, times, found, seeds, poses, costs, solve)
+    poses, costs = _find_minima(task, seeds, found, [limbs[k] for k in turned])
+    return _follow(task, times, found, seeds, poses, costs)
 
 
 def _find_minima(
@@ -129,7 +129,6 @@ def _find_minima(
     seeds: motion_doubts.Index,
     found: MotionSolution,
     limbs: list[motion_doubts.Limb],
-    solve: motion_doubts.Solve,
 ) -> tuple[Array, Array]:
     """The distinct minima of some frames, best first: (n_seeds, k, n_coordinates), and cost (n_seeds, k)."""
     random = np.random.default_rng(0)
@@ -137,8 +136,8 @@ def _find_minima(
     poses, costs = best[:, None], cost[:, None]
     for _ in range(_ROUNDS):
         starts = np.concatenate([_draw(random, task, best, limb) for limb in limbs], axis=1)
-        some = _solve_all(seeds, starts, solve)
-        together = _solve_all(seeds, _combine(task, seeds, best, some[0])[:, None], solve)
+        some = _solve_all(task, seeds, starts)
+        together = _solve_all(task, seeds, _combine(task, seeds, best, some[0])[:, None])
         poses = np.concatenate([poses, some[0], together[0]], axis=1)
         costs = np.concatenate([costs, some[1], together[1]], axis=1)
         poses, costs = _keep_distinct(task, poses, costs)
@@ -152,7 +151,7 @@ def _find_minima(
 def _draw(random: np.random.Generator, task: Task, q: Array, limb: motion_doubts.Limb) -> Array:
     """Poses (n, draws, n_coordinates) with the joints of a limb turned anyhow within their ranges."""
     starts = np.repeat(q[:, None], _DRAWS, axis=1)
-    for k in np.intersect1d(limb.coordinates, branches.find_rotations(task.tree)):
+    for k in np.intersect1d(limb.coordinates, task.tree.rotations):
         lower, upper = task.bounds[0][k], task.bounds[1][k]
         if np.isfinite(upper - lower) and upper - lower < 2.0 * np.pi + 1e-6:
             starts[:, :, k] = random.uniform(lower, upper, starts.shape[:2])
@@ -161,10 +160,12 @@ def _draw(random: np.random.Generator, task: Task, q: Array, limb: motion_doubts
     return np.clip(starts, *task.bounds)
 
 
-def _solve_all(seeds: motion_doubts.Index, starts: Array, solve: motion_doubts.Solve) -> tuple[Array, Array]:
+def _solve_all(
+    task: Task, seeds: motion_doubts.Index, starts: Array, settings: SweepSettings = ROUGH
+) -> tuple[Array, Array]:
     """Minima reached from starts (n_seeds, k, n_coordinates), and their cost (n_seeds, k)."""
     n, k, _ = starts.shape
-    solution = solve(np.repeat(seeds, k), starts.reshape(n * k, -1))
+    solution = solve_from(task.in_frames(np.repeat(seeds, k)), starts.reshape(n * k, -1), settings=settings)
     return solution.q.reshape(starts.shape), solution.cost.reshape(n, k)
 
 
@@ -213,7 +214,6 @@ def _follow(
     seeds: motion_doubts.Index,
     poses: Array,
     costs: Array,
-    solve: motion_doubts.Solve,
 ) -> MotionSolution:
     """Minima followed from each seed to the next, forwards and backwards; then the best sequence."""
     n, (count, k, _) = len(found.q), poses.shape
@@ -233,7 +233,7 @@ def _follow(
             going = np.flatnonzero(rows + towards != last)
             rows, own, last = rows[going] + towards, own[going], last[going]
             if len(rows):
-                here, now = _solve_all(rows, here[going], solve)
+                here, now = _solve_all(task, rows, here[going])
     q, cost = _write_all_ways(task.tree, q, cost, task.bounds)
     chosen = _find_cheapest_path(cost / motion_doubts.SKIN_M**2, _measure_hurry(task, times, q))
     every = np.arange(n)

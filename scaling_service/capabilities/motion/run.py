@@ -20,9 +20,8 @@ from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import loading
-from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError
+from scaling_service.core.errors import InputError, blame_file
 from scaling_service.core.notes import Note
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -193,26 +192,21 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     conventional angles, too.
     """
     task = Task.of(model, trial)
-    solution = inverse_kinematics.solve_task(task, trial.times)
-    everyday = (skin or any(m.is_direction for m in model.markers)) and ordinary.knows_people(model)
-    if everyday:
-        solution = replace(solution, q=ordinary.follow_everyday(model, trial, solution.q))
-    motion = inverse_kinematics.make_motion(task, trial, solution)
+    everyday = (skin or any(m.is_direction for m in model.markers)) and model.knows_its_person
+    q, motion = inverse_kinematics.follow_task(task, trial, everyday=everyday)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
     names, rates = clinical_angles.compute_clinical_rates(model) if angles else ((), None)
     if everyday:
-        uncertainty = ordinary.estimate_everyday_sd(model, trial, task, solution.q, known, rates)
+        uncertainty = ordinary.estimate_everyday_sd(model, trial, task, q, known, rates)
         return _gather(model, motion, uncertainty, names)
     fields = tuple(uncertainties.list_skin_fields(task)) if skin else ()
-    uncertainty = uncertainties.estimate_coordinate_sd(
-        task, solution.q, motion.residuals, known, fields, rates
-    )
+    uncertainty = uncertainties.estimate_coordinate_sd(task, q, motion.residuals, known, fields, rates)
     if skin and model.departures:
         departures = dict(model.departures)
         own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
-        uncertainty = uncertainties.count_departures(uncertainty, own, solution.q, rates)
+        uncertainty = uncertainties.count_departures(uncertainty, own, q, rates)
     uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
     return _gather(model, motion, uncertainty, names)
 

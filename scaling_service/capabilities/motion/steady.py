@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion import branches, doubts
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import compute_marker_rates
-from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.numerics.multibody import sweep
+from scaling_service.numerics.multibody.tree import compute_marker_rates
 from scaling_service.numerics.signals.filters import find_runs
 
 COARSE_S = 0.08
@@ -40,35 +38,24 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
     if not task.is_swept or len(times) < 3:
         return found
     jumps = np.asarray(doubts.find_jumps(task, times, found.q).any(axis=1))
+    if not jumps.any():
+        return found
     step = float(np.median(np.diff(times)))
-    rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
-    if len(rows):
-        # Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames
-        poses = found.q[rows]
-        limit = doubts.FASTEST * step / 3.0
-        turning = np.flatnonzero(
-            task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
-        )
-        heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
-        rates = compute_marker_rates(task.tree, poses, task.p, np.flatnonzero(task.free)) * heavy[:, None]
-        curvature = np.matmul(rates, rates.transpose(0, 2, 1))
-        ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
-        variance = doubts.CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
-        own = np.isin(np.flatnonzero(task.free), turning)
-        loose[rows] = np.asarray((variance[:, own] > limit**2).any(axis=1))
+    moving = task.free & np.isin(np.arange(len(task.free)), task.tree.rotations)
+    loose = np.zeros(len(jumps), dtype=bool)
+    loose[jumps] = _find_loose(task.in_frames(jumps), found.q[jumps], moving, doubts.FASTEST * step / 3.0)
     if not loose.any():
         return found
     around = np.ones(2 * max(1, round(COARSE_S / step)) + 1, dtype=bool)
     near = scipy.ndimage.binary_propagation(loose, mask=scipy.ndimage.binary_dilation(jumps, around))
     near[[0, -1]] = False
     found = replace(found, q=branches.cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
-    moving = task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
     weight = np.where(moving, (doubts.CAMERA_M / (doubts.SPEED * step)) ** 2, 0.0)
     for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
         rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
         if not len(rows):
             break
-        q = found.q.copy()
+        q, part = found.q.copy(), task.in_frames(rows)
         # Coordinates in some rows, linear in time between those that are kept
         q[rows] = np.where(
             moving, np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1), q[rows]
@@ -76,29 +63,28 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         for share in _SHARES:
             # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
-            q[rows] = solve_from(
-                task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)
-            ).q
+            q[rows] = solve_from(part, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
         cost = found.cost.copy()
-        cost[rows] = solve_from(task, rows, q[rows], settings=_LOOK).cost
-        likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
+        cost[rows] = solve_from(part, q[rows], settings=_LOOK).cost
+        # Stretches in which cost and steps fall together, no frame much farther from its markers than it was
+        runs, _ = scipy.ndimage.label(scipy.ndimage.binary_dilation(near, [True, True, False]))
+        before, after = (
+            np.bincount(runs, each + np.append(np.square(np.diff(pose, axis=0)) @ weight, 0.0))
+            for each, pose in ((found.cost, found.q), (cost, q))
+        )
+        dear = np.bincount(runs, cost > _DEARER * found.cost + (_SURE * doubts.CAMERA_M) ** 2) > 0
+        likelier = near & ((after < before) & ~dear)[runs]
         better = np.where(likelier[:, None], q, found.q)
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
         near &= ~likelier
     return found
 
 
-def _find_likelier(
-    near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
-) -> NDArray[np.bool_]:
-    """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together.
-
-    No frame of such a stretch may be much farther from its markers than it was.
-    """
-    runs, _ = scipy.ndimage.label(scipy.ndimage.binary_dilation(near, [True, True, False]))
-    whole, whole_after = (
-        np.bincount(runs, cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0))
-        for cost, q in (before, after)
-    )
-    dear = np.bincount(runs, after[0] > _DEARER * before[0] + (_SURE * doubts.CAMERA_M) ** 2) > 0
-    return np.asarray(((whole_after < whole) & ~dear)[runs])
+def _find_loose(task: Task, q: Array, moving: Mask, limit: float) -> Mask:
+    """Whether a camera's noise alone turns one of the joints by more than a limit (rad), (n_frames,)."""
+    heavy = np.repeat(np.where(task.shown, np.sqrt(task.weights), 0.0), 3, axis=1)
+    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
+    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+    ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
+    variance = doubts.CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
+    return np.asarray((variance[:, moving[task.free]] > limit**2).any(axis=1))

@@ -27,7 +27,6 @@ from scaling_service.model.anatomy.skin import is_pin
 from scaling_service.model.places import tell_landmarks
 from scaling_service.numerics.least_squares import problem
 from scaling_service.numerics.multibody import tree as trees
-from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
 
@@ -47,11 +46,8 @@ _NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differenc
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 
 _NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
-_OTHERS = (
-    0.5,
-    1.0,
-)  # chosen: frames, as shares of those alike, that are judged where the first leaves some open
 _SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
+_JUDGED = (0.0, 0.5, 1.0)  # chosen: frames, as shares of those alike, judged in turn where some are left open
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,7 +235,7 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     """Rates times root weights, zero for what is held and what is not seen."""
     free = np.flatnonzero(task.free)
     heavy = np.repeat(np.where(problem.find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = compute_marker_rates(task.tree, q, task.p, free)
+    rates = trees.compute_marker_rates(task.tree, q, task.p, free)
     rates *= heavy[:, None]
     rates *= ~held[:, free, None]
     curvature = np.matmul(rates, rates.transpose(0, 2, 1))
@@ -249,13 +245,6 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     diagonal = np.einsum("nii->ni", curvature)
     diagonal += np.where(held[:, free], 1.0, _RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True))
     return _Linearised(rates, curvature)
-
-
-def compute_marker_rates(tree: trees.Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
-    """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
-    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
-    rates = trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables)
-    return trees.order_by_frame(rates)
 
 
 def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
@@ -289,61 +278,43 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
     return np.asarray(np.maximum(apart / task.weights, _RESOLUTION_M**2))
 
 
-def find_determined(
-    tree: trees.Tree,
-    measured: Array,
-    weights: Array,
-    q: Array,
-    p: Array,
-    free: NDArray[np.bool_],
-    closure: Closure | None = None,
-) -> NDArray[np.bool_]:
+def find_determined(task: Task, q: Array) -> Mask:
     """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
 
     Frames in which the same markers are seen are judged together, at a few of them: it is what is seen,
     hardly the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate
-    seems free; what one pose determines counts as determined.
+    seems free; what one pose determines counts as determined. What every pose obeys determines coordinates as
+    markers do; those that are not free are known and count as determined.
 
-    ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
-    ``free`` (n_coordinates,): the others are known and count as determined. ``closure``: what every pose
-    obeys, which determines coordinates as markers do.
+    ``q`` (n_frames, n_coordinates).
     """
-    shown = problem.find_seen(measured)
-    first, which = problem.find_distinct_patterns(shown)
-    variables = np.flatnonzero(free)
-    verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
-    verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables, closure)
-    left_open = ~verdict
-    if closure is None:  # what no marker follows stays open in every pose
-        left_open &= (shown[first] & (weights > 0.0)) @ tree.followed
-    doubted = np.flatnonzero(left_open.any(axis=1))
-    if len(doubted):
-        frames = [np.flatnonzero(which == k) for k in doubted]
-        rows = np.array([own[int(share * (len(own) - 1))] for share in _OTHERS for own in frames])
-        again = _judge(tree, shown[rows], weights, q[rows], p, variables, closure)
-        verdict[np.ix_(doubted, variables)] |= again.reshape(len(_OTHERS), len(doubted), -1).any(axis=0)
+    first, which = task.patterns
+    patterns = task.shown[first] & (task.weights > 0.0)
+    order, counts = np.argsort(which, kind="stable"), np.bincount(which)
+    verdict = np.tile(~task.free, (len(first), 1))
+    # What no marker follows stays open in every pose
+    within_reach = task.closure is not None or patterns @ task.tree.followed
+    for share in _JUDGED:
+        doubted = np.flatnonzero((~verdict & within_reach).any(axis=1))
+        if not len(doubted):
+            break
+        places = np.cumsum(counts) - counts + (share * (counts - 1)).astype(np.intp)
+        judged = _judge(task, patterns[doubted], q[order[places[doubted]]])
+        verdict[np.ix_(doubted, task.free)] |= judged
     return verdict[which]
 
 
-def _judge(
-    tree: trees.Tree,
-    patterns: NDArray[np.bool_],
-    weights: Array,
-    q: Array,
-    p: Array,
-    variables: NDArray[np.intp],
-    closure: Closure | None,
-) -> NDArray[np.bool_]:
-    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
-    rates = np.moveaxis(
-        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
-    )
-    share = patterns * (weights > 0.0)
-    rates = (rates * share[:, :, None, None]).reshape(len(q), -1, len(variables))
-    if closure is not None:
-        rates = np.concatenate([rates, closure.linearise(q, p, variables)[1].transpose(0, 2, 1)], axis=1)
+def _judge(task: Task, patterns: Mask, q: Array) -> Mask:
+    """Whether markers seen so (n, n_markers) determine the free coordinates at these poses, (n, n_free)."""
+    variables = np.flatnonzero(task.free)
+    poses = trees.pose_links(task.tree, np.ascontiguousarray(q.T), task.p)
+    placed = trees.place_tree_markers(task.tree, poses)
+    rates = np.moveaxis(trees.compute_jacobian(task.tree, poses, placed, variables), (0, 3), (3, 0))
+    rates = (rates * patterns[:, :, None, None]).reshape(len(q), -1, len(variables))
+    if task.closure is not None:
+        following = task.closure.linearise(q, task.p, variables)[1]
+        rates = np.concatenate([rates, following.transpose(0, 2, 1)], axis=1)
     curvature = np.matmul(rates.transpose(0, 2, 1), rates)
     values, vectors = np.linalg.eigh(curvature)
     loose = (vectors**2 * (values < _NULL)[:, None, :]).sum(axis=2)
-    verdict: NDArray[np.bool_] = loose <= _SHARE
-    return verdict
+    return np.asarray(loose <= _SHARE)

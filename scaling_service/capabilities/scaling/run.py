@@ -24,7 +24,6 @@ from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.sizes.without_markers import has_no_markers
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -155,7 +154,6 @@ def run(
     ``started``: value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
-    table.check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
     turned = settings.up is not None
@@ -163,7 +161,7 @@ def run(
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, result.Scaling] = {}
     with loaded.blame_files():
-        if session.scale_setup is None and session.images is None and not has_no_markers(session):
+        if session.scale_setup is None and session.images is None and not session.unmarked:
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
@@ -292,7 +290,7 @@ def _request_scaled(calibration: Calibration, session: subjects.Session) -> dict
 
 def _choose_possible(session: subjects.Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
-    if has_no_markers(session):
+    if session.unmarked:
         return ("MB",), ()
     imaged = {n: m for n, m in table.METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import TrialUnusable, blame_file
 from scaling_service.files.recording import Recording
 from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.markers import find_canonical

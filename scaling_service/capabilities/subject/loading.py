@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import math
 from collections import abc
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import checks, labels, reading
+from scaling_service.capabilities.subject import checks, reading
 from scaling_service.capabilities.subject import rotations as subject_rotations
 from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.images import Imaged, place_images, read_images
 from scaling_service.capabilities.subject.persons import select_person
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import TrialUnusable, blame_file
 from scaling_service.core.notes import Note
 from scaling_service.files import model_json, recording
 from scaling_service.files.osim import models
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.model import body, builtin
+from scaling_service.model import body, builtin, labels
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy import key_points
 from scaling_service.model.anatomy.bones import assign_bones
@@ -32,6 +32,7 @@ from scaling_service.recording import orientation as orientations
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.identity.identify import Identification
+from scaling_service.recording.identity.tracking import with_tracking_markers
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
@@ -54,14 +55,9 @@ class Loaded:
     plates: abc.Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
     file: Path | None = None  # the subject file, where there is one
 
-    @contextmanager
-    def blame_files(self) -> abc.Iterator[None]:
+    def blame_files(self) -> AbstractContextManager[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        with (
-            reading.blame_file(self.file),
-            reading.blame_file(None, reading.list_recordings(self.session.subject)),
-        ):
-            yield
+        return blame_file(self.file, subjects.list_recordings(self.session.subject))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -90,7 +86,6 @@ class Understood:
     """
 
     subject: subjects.Subject
-    model: body.BodyModel
     trials: abc.Mapping[Path, Trial]
     labels: abc.Mapping[str, tuple[str, ...]]
     clusters: abc.Mapping[str, tuple[str, ...]]
@@ -113,7 +108,7 @@ def open_subject(
     orientations.check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, subjects.Subject) else Path(subject)
     known = subject if isinstance(subject, subjects.Subject) else reading.load_subject(subject)
-    with reading.blame_file(file):
+    with blame_file(file):
         loaded = load(known, read_files(known), settings, facing=facing)
         return replace(
             loaded, session=subject_rotations.part_rotations(loaded.session, wanted=rotations), file=file
@@ -141,9 +136,10 @@ def load(
     ``who``: what geometry tells of the labels, where it was asked already.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
-    findings = question(understood)
-    return prepare(understood, findings, files, settings.processing)
+    with blame_file(None, files.recordings):
+        understood = understand(subject, files, settings, facing=facing, standing=standing, who=who)
+        findings = question(understood, files.model)
+        return prepare(understood, findings, files, settings.processing)
 
 
 def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Files:
@@ -156,8 +152,11 @@ def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Rec
     labels.check_segments(subject, model)
     recordings = read_recordings(subject, known)
     every = [label for found in recordings.values() for label in found.labels]
+    followed = labels.without_computed(key_points.add_key_points(model, every), subject)
+    if every:
+        labels.check_explicit(subject, followed, every)
     return Files(
-        model=labels.without_computed(key_points.add_key_points(model, every), subject),
+        model=followed,
         recordings=recordings,
         static=subject.static,
         vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
@@ -202,15 +201,15 @@ def understand(
     subject, of_sizes = reading.with_stated_sizes(subject, recordings)
     of_tracking: tuple[Note, ...] = ()
     if marked:
-        labels.check_explicit(subject, model, list(marked.values()))
         static = None if files.static is None else marked.get(files.static)
         movements = [found for path, found in marked.items() if path != files.static]
-        subject, of_tracking = labels.with_tracking_markers(subject, model, static, movements, who)
+        subject, of_tracking = with_tracking_markers(subject, model, static, movements, who)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
     clusters = labels.sort_by_segment(model, subject)
-    named = reading.apply_to_each(
-        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked
-    )
+    named = {}
+    for path, found in marked.items():
+        with blame_file(path, [path]):
+            named[path] = labels.with_model_names(found.trial, wanted, subject, path)
     if marked:
         axes = decide_axes(
             {path: trial for path, (trial, _) in named.items()},
@@ -235,7 +234,6 @@ def understand(
         of_axes = (Note(code="lying", problem=said),)
     return Understood(
         subject=subject,
-        model=model,
         trials={
             path: orientations.apply(axes, named[path][0])
             if path in named
@@ -255,7 +253,7 @@ def understand(
     )
 
 
-def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
+def question(understood: Understood, model: body.BodyModel) -> tuple[recording_findings.Finding, ...]:
     """What the recordings show that those of one sound person do not.
 
     Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
@@ -270,13 +268,12 @@ def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
         clusters=understood.clusters,
         static=trials[subject.static].name if subject.static in trials else None,
         stated=recording_findings.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
-        model=understood.model,
+        model=model,
     )
-    with reading.blame_file(None, list(trials)):
-        for trial in trials.values():
-            checks.refuse_one_spot(understood.model, trial)
-        checks.refuse_repeated(trials, subject)
-        return recording_findings.refuse(person.ask(given))
+    for trial in trials.values():
+        checks.refuse_one_spot(model, trial)
+    checks.refuse_repeated(trials, subject)
+    return recording_findings.refuse(person.ask(given))
 
 
 def prepare(
@@ -286,9 +283,7 @@ def prepare(
     settings: ProcessingSettings,
 ) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and add what else the files hold."""
-    subject = understood.subject
-    model = understood.model
-    placed = labels.list_placed(model, subject, understood.trials.values())
+    subject, model = understood.subject, files.model
     ready = reading.apply_to_each(
         lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
         understood.trials,
@@ -296,8 +291,7 @@ def prepare(
     setup, of_setup = files.scale_setup, tuple[Note, ...]()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if setup is not None and subject.scale_setup is not None and standing is not None:
-        with reading.blame_file(None, [standing]):
-            of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
+        of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup is not None and setup.placement is not None:  # its marker placer leaves these alone
         fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
         setup = replace(setup, placement=replace(setup.placement, fixed=fixed))
@@ -309,6 +303,7 @@ def prepare(
         images = place_images(files.images, model, followed, subject.marker_map)
     seen = [label for trial in marked for label in trial.shown_labels]
     of_video = key_points.tell_key_points(model, seen)
+    placed = labels.list_placed(model, subject, understood.trials.values())
     model, of_freedoms = builtin.lock_unmarked(model, placed)
     session = subjects.Session(
         subject=subject,
@@ -344,12 +339,12 @@ def read_recordings(
     Those that are ``known`` are not read again.
     """
     read = {}
-    for path in reading.list_recordings(subject):
-        with reading.blame_file(path, [path]):
+    for path in subjects.list_recordings(subject):
+        with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(recording.read_recording(path))
             read[path] = select_person(found, subject.marker_map)
     for path, one in zip(read, choose_repeated(list(read.values())), strict=True):
-        with reading.blame_file(path, [path]):
+        with blame_file(path, [path]):
             wrong = subject.corrections.get(path.name, ())
             whole = one.take_unlabelled({label for item in wrong for label in item.labels})
             events = subject.events.get(path.name, whole.events)
@@ -384,7 +379,7 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
-        with reading.blame_file(Path(name_or_path)):
+        with blame_file(Path(name_or_path)):
             # The model with the whole body's place and turns unbounded: a person may walk a laboratory either
             # way. Models declare a right angle to either side and a few metres, clamped or not, so that a
             # walk back could not be followed. What hangs on the ground by a joint of fewer freedoms, as an
@@ -402,6 +397,6 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
             )
             return replace(model, coordinates=coordinates)
     if str(name_or_path).lower().endswith(model_json.SUFFIX):
-        with reading.blame_file(Path(name_or_path)):
+        with blame_file(Path(name_or_path)):
             return model_json.read_model_json(name_or_path)
     return builtin.load_builtin(str(name_or_path))

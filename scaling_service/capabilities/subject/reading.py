@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import abc
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TypeVar
@@ -20,7 +19,7 @@ from scaling_service.files.recording import READERS
 from scaling_service.files.segmentation import list_tables
 from scaling_service.model import trial as model_trial
 from scaling_service.model.builtin import BUILTIN_NAMES
-from scaling_service.model.subject import Subject
+from scaling_service.model.subject import Subject, list_recordings
 
 _Held = TypeVar("_Held")
 _Made = TypeVar("_Made")
@@ -172,12 +171,6 @@ class _Finder:
         )
 
 
-def list_recordings(subject: Subject) -> tuple[Path, ...]:
-    """The files of all trials, each once: static, calibration, evaluation."""
-    static = () if subject.static is None else (subject.static,)
-    return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
-
-
 def with_stated_sizes(
     subject: Subject, trials: abc.Mapping[Path, model_trial.Trial]
 ) -> tuple[Subject, tuple[Note, ...]]:
@@ -203,29 +196,13 @@ def with_stated_sizes(
     return completed, notes
 
 
-@contextmanager
-def blame_file(file: Path | None, trials: abc.Iterable[Path] = ()) -> abc.Iterator[None]:
-    """Let errors raised inside name a file.
-
-    ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.
-    """
-    try:
-        yield
-    except errors.InputError as error:
-        by_stem = {path.stem: path for path in trials}
-        found = file if error.file is None else by_stem.get(error.file)
-        if found is not None:
-            error.file = str(found)
-        raise
-
-
 def apply_to_each(
     step: abc.Callable[[Path, _Held], _Made], recordings: abc.Mapping[Path, _Held]
 ) -> dict[Path, _Made]:
     """One step on every recording; errors name the file."""
     made = {}
     for path, held in recordings.items():
-        with blame_file(path, [path]):
+        with errors.blame_file(path, [path]):
             made[path] = step(path, held)
     return made
 

@@ -82,17 +82,10 @@ def _make(name: str, segment: str, at: Array, sd: float) -> body.Marker:
     return replace(body.Marker.at(name, segment, body.to_vector(at), anatomical=False), noise=sd)
 
 
-def shows_key_points_alone(model: body.BodyModel, labels: abc.Iterable[str]) -> bool:
-    """Whether all of a model's markers among these labels are key points, and there are any."""
-    shown = set(labels)
-    own = [m for m in model.markers if m.name in shown and m.weight > 0.0]
-    return bool(own) and all(m.noise is not None and not m.is_direction for m in own)
-
-
 def tell_key_points(model: body.BodyModel, labels: abc.Iterable[str]) -> tuple[Note, ...]:
     """That key points are followed, and how far they are taken to be off; nothing where markers are, too."""
     seen = list(labels)
-    if not shows_key_points_alone(model, seen):
+    if not model.shows_key_points_alone(seen):
         return ()
     off = max(1e3 * m.noise for m in model.markers if m.noise is not None and m.name in seen)
     said = (

@@ -130,7 +130,7 @@ def find_joint_ends(model: body.BodyModel, joint: str, side: str) -> dict[str, A
     if joint != "ankle" or first is None:
         return {}
     # A shank without a foot may know the ankle by its markers.
-    values, letter = straighten(model), side.upper()
+    values, letter = poses.straighten(model), side.upper()
     places = {
         (m.name if m.weight == 0.0 else find_canonical(m.name)): poses.evaluate_marker(m, values)
         for m in model.markers
@@ -162,7 +162,7 @@ def list_chain(model: body.BodyModel, parent: str, child: str) -> list[body.Segm
 
 def find_centre(model: body.BodyModel, chain: list[body.Segment]) -> dict[str, Array]:
     """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
-    values = straighten(model)
+    values = poses.straighten(model)
     joints = [joint for segment in chain for joint in segment.joints]
     # The turn that makes a chain's last joint: the first driven one of the last segment, or of the whole
     # chain where the last one is welded on.
@@ -184,9 +184,3 @@ def find_centre(model: body.BodyModel, chain: list[body.Segment]) -> dict[str, A
 
 def _is_driven(joint: body.Joint) -> bool:
     return joint.kind == "rotation" and bool(joint.law.coordinates)
-
-
-def straighten(model: body.BodyModel) -> dict[str, float]:
-    """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
-    turning = [c for _, joint in model.joints() if joint.kind == "rotation" for c in joint.law.coordinates]
-    return poses.list_model_values(model, dict.fromkeys(turning, 0.0))

@@ -15,14 +15,20 @@ import scipy
 from scipy import linalg
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.least_squares.blocks import (
+    Block,
+    Eliminated,
+    clip_to_bounds,
+    eliminate,
+    make_block,
+    pin_to_bounds,
+)
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody import tree
 
 _KEEP = (
     2**24
 )  # doubles of blocks kept in memory (256 MiB with what is eliminated); beyond, they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
-_BLOCK_RIDGE = 1e-14  # the same within a frame, small enough not to hide a free combination of parameters
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -31,28 +37,6 @@ class DampingShares:
 
     frames: Array
     parameters: float
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Block:
-    """The normal equations of some frames, parameters in normalised units."""
-
-    curvature: Array  # (n, nq, nq)
-    diagonal: Array  # (n, nq): its diagonal, a closure's equations as one more marker, which is damped
-    cross: Array  # (n, nq, np)
-    slope: Array  # (n, nq)
-    shared_curvature: Array  # (np, np), summed over the frames
-    frame_slopes: Array  # (n, np)
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Eliminated:
-    """How the coordinates of some frames move: ``free_step - follow @ step of the parameters``."""
-
-    rows: slice
-    free_step: Array  # (n, nq)
-    follow: Array  # (n, nq, np)
-    gain: Array  # (n,), decrease of each frame's cost that free_step promises
 
 
 @dataclasses.dataclass(slots=True, eq=False, kw_only=True)
@@ -66,7 +50,7 @@ class Border:
     curvature: Array
     slope: Array
     gains: Array
-    blocks: list[_Block] = dataclasses.field(default_factory=list)
+    blocks: list[Block] = dataclasses.field(default_factory=list)
     kept: list[Eliminated] = dataclasses.field(default_factory=list)
 
 
@@ -77,7 +61,7 @@ def linearise(
     p0: Array,
     damping: Array,
     pins: Array | None = None,
-    made: Sequence[_Block] = (),
+    made: Sequence[Block] = (),
 ) -> Border:
     """Eliminate the coordinates of all frames around a motion and parameters.
 
@@ -95,8 +79,8 @@ def linearise(
     border = Border(curvature=prior, slope=slope, gains=gains)
     keep = problem.n_frames * len(problem.coordinates) * (count + 1) <= _KEEP
     for k, rows in enumerate(problem.blocks()):
-        block = made[k] if made else _make_block(problem, q, p, rows)
-        eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
+        block = made[k] if made else make_block(problem, q, p, rows)
+        eliminated = eliminate(problem, block, q, rows, damping[rows], _take(pins, rows))
         # Sum over frames of `left^T right`, both (n, nq, np)
         n, nq, count = block.cross.shape
         total: Array = block.cross.reshape(n * nq, count).T @ eliminated.follow.reshape(n * nq, count)
@@ -117,33 +101,27 @@ def compute_frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
     """
     slopes = np.empty((problem.n_frames, len(problem.parameters)))
     for rows in problem.blocks():
-        block = _make_block(problem, q, p, rows)
-        eliminated = _eliminate(problem, block, q, rows, np.zeros(len(q[rows])))
+        block = make_block(problem, q, p, rows)
+        eliminated = eliminate(problem, block, q, rows, np.zeros(len(q[rows])))
         slopes[rows] = block.frame_slopes - np.einsum("nqp,nq->np", block.cross, eliminated.free_step)
     return slopes
 
 
 def compute_step(
     problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
-) -> tuple[Array, Array, float, Array]:
+) -> tuple[Array, Array, float]:
     """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
-
-    Last what the coordinates alone promise of each frame's cost, (n_frames,).
 
     Coordinates that it would carry past a bound are moved just to it, and the step is made again
     knowing so; otherwise all the others would have moved as if they had gone on.
     """
     border = linearise(problem, q, p, p0, damping.frames)
     trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, None)
-    free = problem.coordinates
-    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
-    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
-    if beyond.any():
-        # The way to the bound for coordinates that a step carries past it, NaN for the others
-        pins = np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
+    pins = pin_to_bounds(problem, q, trial_q)
+    if pins is not None:
         border = linearise(problem, q, p, p0, damping.frames, pins, border.blocks)
         trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
-    return (*problem.clip(trial_q, trial_p), promised, border.gains)
+    return (*clip_to_bounds(problem, trial_q, trial_p), promised)
 
 
 def _solve_step(
@@ -153,7 +131,7 @@ def _solve_step(
     trial_p, trial_q = p.copy(), q.copy()
     trial_p[problem.parameters] += step * problem.scale
     made_again = (
-        _eliminate(problem, _make_block(problem, q, p, rows), q, rows, damping.frames[rows], pins)
+        eliminate(problem, make_block(problem, q, p, rows), q, rows, damping.frames[rows], _take(pins, rows))
         for rows in problem.blocks()
     )
     for block in border.kept or made_again:
@@ -162,71 +140,8 @@ def _solve_step(
     return trial_q, trial_p, promised
 
 
-def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
-    poses = tree.pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    placed = tree.place_tree_markers(problem.tree, poses)
-    gap = problem.measured[rows] - np.moveaxis(placed, -1, 0)
-    squared = np.einsum("nmc,nmc->nm", gap, gap)
-    shown = np.isfinite(squared)
-    squared = np.where(shown, squared, 0.0)
-    weight = np.where(shown, problem.weights * problem.loss.weight(squared), 0.0)
-    gap = np.where(shown[:, :, None], gap, 0.0)
-    rates = tree.compute_jacobian(problem.tree, poses, placed, problem.variables)
-    white = tree.order_by_frame(rates)
-    white *= np.repeat(np.sqrt(weight), 3, axis=1)[:, None]
-    gap = gap.reshape(len(gap), -1) * np.repeat(np.sqrt(weight), 3, axis=1)
-    stiff = np.square(white[:, : len(problem.coordinates)]).sum(axis=2)
-    if problem.closure is not None:
-        missed, following = problem.closure.linearise(q[rows], p, problem.variables)
-        stiff += problem.weights.sum() * np.square(following[:, : len(problem.coordinates)]).sum(axis=2)
-        root = np.sqrt(problem.closing)
-        white, gap = np.concatenate([white, root * following], axis=2), np.hstack([gap, -root * missed])
-    # Normal equations from derivatives (n, n_variables, m) and residuals (n, m), times root weights.
-    nq = len(problem.coordinates)
-    own, shared = white[:, :nq], white[:, nq:] * problem.scale[:, None]
-    flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(shared.shape[1], gap.size)
-    block = _Block(
-        curvature=np.matmul(own, own.transpose(0, 2, 1)),
-        diagonal=stiff,
-        cross=np.matmul(own, shared.transpose(0, 2, 1)),
-        slope=np.matmul(own, gap[:, :, None])[:, :, 0],
-        shared_curvature=flat @ flat.T,
-        frame_slopes=np.matmul(shared, gap[:, :, None])[:, :, 0],
-    )
-    if problem.coordinate_prior is not None:
-        value, held = (part[rows][:, problem.coordinates] for part in problem.coordinate_prior)
-        np.einsum("nii->ni", block.curvature)[...] += held
-        block.diagonal[...] += held
-        block.slope[...] += held * (value - q[rows][:, problem.coordinates])
-    return block
-
-
-def _eliminate(
-    problem: Problem, block: _Block, q: Array, rows: slice, damping: Array, pins: Array | None = None
-) -> Eliminated:
-    """Solve a block for its coordinates, those pinned or held at a bound excepted."""
-    if not len(problem.coordinates):
-        return Eliminated(rows, block.slope, block.cross, np.zeros(len(q[rows])))
-    lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
-    value, slope = q[rows, problem.coordinates], block.slope
-    held = ((value <= lower) & (slope < 0.0)) | ((value >= upper) & (slope > 0.0))
-    given = np.where(held, 0.0, np.nan)
-    if pins is not None:
-        given = np.where(np.isnan(pins[rows]), given, pins[rows])
-    fixed = ~np.isnan(given)
-    moved = np.where(fixed, given, 0.0)
-    pulled = np.einsum("nij,nj->ni", block.curvature, moved)
-    gain: Array = (moved * (2.0 * block.slope - pulled)).sum(axis=1)
-    slope = np.where(fixed, moved, block.slope - pulled)
-    cross = np.where(fixed[:, :, None], 0.0, block.cross)
-    curvature = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, block.curvature)
-    diagonal = np.einsum("nii->ni", curvature)
-    ridge = _BLOCK_RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True) + 1e-300
-    diagonal += np.where(fixed, 1.0, damping[:, None] * block.diagonal + ridge)
-    solved = np.linalg.solve(curvature, np.concatenate([slope[:, :, None], cross], axis=2))
-    free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
-    gain += np.where(fixed, 0.0, slope * free_step).sum(axis=1)
-    return Eliminated(rows, free_step, follow, gain)
+def _take(pins: Array | None, rows: slice) -> Array | None:
+    return None if pins is None else pins[rows]
 
 
 def _bound_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.tree import CYCLE, cross
 
 
@@ -88,11 +87,6 @@ def _sum_by_cluster(member: Array, values: Array) -> Array:
     """Values by marker (m, ...) added up by cluster, (k, ...)."""
     total: Array = (member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:])
     return total
-
-
-def weight_markers(measured: Array, weights: Array) -> Array:
-    """Weights (n_markers, n_frames), zero where a marker (n_frames, n_markers, 3) was not seen."""
-    return np.where(find_seen(measured), weights, 0.0).T
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

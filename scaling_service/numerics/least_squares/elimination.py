@@ -110,8 +110,7 @@ def _order_coordinates(tree: trees.Tree, link: int, free: NDArray[np.bool_]) -> 
 
     Second derivatives need it: what stands before carries what comes after.
     """
-    own = plans.split_entries([e for e in tree.plan.entries if e.link == link], tree.factors)
-    used = [plans.find_entry_coordinate(e, tree.factors) for e in own]
+    used = [e.coordinate for e in tree.plan.moving if e.link == link]
     return [v for v in dict.fromkeys(used) if free[v]]
 
 
@@ -154,11 +153,9 @@ def _list_sets(tree: trees.Tree, columns: Sequence[tuple[int, int]], *, turns: b
     """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
     found: list[dict[int, list[plans.Entry]]] = [{} for _ in columns]
     number = {variable: column for column, (variable, _) in enumerate(columns)}
-    for entry in plans.split_entries(tree.plan.entries, tree.factors):
-        if entry.is_turn == turns:
-            column = number.get(plans.find_entry_coordinate(entry, tree.factors))
-            if column is not None:
-                found[column].setdefault(entry.node, []).append(entry)
+    for entry in tree.plan.moving:
+        if entry.is_turn == turns and entry.coordinate in number:
+            found[number[entry.coordinate]].setdefault(entry.node, []).append(entry)
     return [
         [(c, *list(at.items())[k]) for c, at in enumerate(found) if len(at) > k]
         for k in range(max(map(len, found), default=0))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,42 +17,21 @@ from scipy import linalg
 
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares import border as borders
-from scaling_service.numerics.least_squares import problem as problems
+from scaling_service.numerics.least_squares.blocks import (
+    EASE,
+    LEAST,
+    ROUNDING,
+    STUCK,
+    TIGHTEN,
+    clip_to_bounds,
+    compute_frame_costs,
+    compute_residuals,
+)
+from scaling_service.numerics.least_squares.problem import Outcome, Problem, Settings, Solution, find_seen
 
-_ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
-_STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls
-_LEAST = 1e-12
-_EASE, _TIGHTEN = 0.2, 8.0  # chosen: a frame's own damping after a step that helped it, or did not
 _NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 _SHARE = 1e-4  # of a parameter's direction where nothing is determined, beyond which it is not either
-
-
-class Outcome(Enum):
-    """How an iteration ended."""
-
-    CONVERGED = "converged"
-    MAX_STEPS = "max_steps"
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """When to stop: the step promises less than this share of the cost, or so many steps are done."""
-
-    max_steps: int = 100
-    relative_decrease: float = 1e-8
-    damping: float = 1e-4
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Solution:
-    """Coordinates (n_frames, n_coordinates), parameters (n_parameters,), cost (m2) and how it ended."""
-
-    q: Array
-    p: Array
-    cost: float
-    steps: int
-    outcome: Outcome
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,7 +53,7 @@ class Uncertainty:
 
 
 def solve(
-    problem: problems.Problem,
+    problem: Problem,
     q0: Array,
     p0: Array,
     settings: Settings = Settings(),
@@ -89,21 +67,19 @@ def solve(
     ``progress``: called with the step's number and the cost.
     ``start``: (n_parameters,).
     """
-    q, p = problem.clip(q0.copy(), (p0 if start is None else start).copy())
-    cost, raise_by = problems.compute_total_cost(problem, q, p, p0), 2.0
+    q, p = clip_to_bounds(problem, q0.copy(), (p0 if start is None else start).copy())
+    cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
     damping = borders.DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
-        trial_q, trial_p, promised, _ = borders.compute_step(problem, q, p, p0, damping)
-        if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
+        trial_q, trial_p, promised = borders.compute_step(problem, q, p, p0, damping)
+        if promised <= settings.relative_decrease * cost + ROUNDING or damping.parameters > STUCK:
             return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
         # Frames share only the parameters: in each the coordinates are chosen that suit the trial's.
-        moved, stayed = (problems.compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
+        moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
         improved = np.less_equal(moved, stayed)
         trial_q = np.where(improved[:, None], trial_q, q)
-        trial_cost = float(np.minimum(moved, stayed).sum()) + problems.compute_prior_cost(
-            problem, trial_p, p0
-        )
-        own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
+        trial_cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
+        own = damping.frames * np.where(improved, EASE, TIGHTEN)
         if trial_cost < cost:
             # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
             kept = (cost - trial_cost) / promised
@@ -114,51 +90,23 @@ def solve(
         else:
             shared = max(damping.parameters, 1e-8) * raise_by
             raise_by *= 2.0
-        damping = borders.DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
+        damping = borders.DampingShares(np.clip(own, LEAST, STUCK), max(shared, LEAST))
     return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
-def solve_motion_alone(
-    problem: problems.Problem, q0: Array, p: Array, settings: Settings = Settings()
-) -> Solution:
-    """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
+def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:
+    """The priors' share of the cost (m2)."""
+    change = (p - p0)[problem.parameters]
+    return float(problem.prior_weight @ change**2)
 
-    A frame ends with the step that promises too little to be worth another look at the cost.
 
-    ``problem``: without parameters to estimate.
-    ``q0``: (n_frames, n_coordinates).
-    ``p``: (n_parameters,).
-    """
-    q, p = problem.clip(q0.copy(), p.copy())
-    cost = problems.compute_frame_costs(problem, q, p)
-    damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
-    for steps in range(1, settings.max_steps + 1):
-        part = problem.of_frames(left)
-        moved, _, _, promised = borders.compute_step(
-            part, q[left], p, p, borders.DampingShares(damping[left], 0.0)
-        )
-        enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
-        going = (promised > enough) & (damping[left] < _STUCK)
-        last = promised <= enough
-        q[left[last]] = moved[last]
-        left, moved = left[going], moved[going]
-        if not len(left):
-            return Solution(
-                q=q,
-                p=p,
-                cost=float(problems.compute_frame_costs(problem, q, p).sum()),
-                steps=steps,
-                outcome=Outcome.CONVERGED,
-            )
-        trial = problems.compute_frame_costs(problem.of_frames(left), moved, p)
-        better = trial <= cost[left]
-        q[left[better]], cost[left[better]] = moved[better], trial[better]
-        damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
-    return Solution(q=q, p=p, cost=float(cost.sum()), steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
+def compute_total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
+    """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
+    return compute_prior_cost(problem, p, p0) + float(compute_frame_costs(problem, q, p).sum())
 
 
 def estimate_uncertainty(
-    problem: problems.Problem, solution: Solution, p0: Array, variance: float | None = None
+    problem: Problem, solution: Solution, p0: Array, variance: float | None = None
 ) -> Uncertainty:
     """Standard deviations of the free parameters, from the curvature at the solution.
 
@@ -202,14 +150,14 @@ def _invert_curvature(curvature: Array) -> tuple[Array, Array]:
     return (vectors[:, known] / values[known]) @ vectors[:, known].T, vectors[:, ~known]
 
 
-def estimate_residual_variance(problem: problems.Problem, q: Array, p: Array) -> float:
+def estimate_residual_variance(problem: Problem, q: Array, p: Array) -> float:
     """Variance of one marker coordinate in one frame (m2), given the freedom that the fit used up.
 
     ``q``: (n_frames, n_coordinates).
     ``p``: (n_parameters,).
     """
-    shown = problems.find_seen(problem.measured)
-    gaps = problems.compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
+    shown = find_seen(problem.measured)
+    gaps = compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
     total = float((np.where(shown[:, :, None], gaps, 0.0) ** 2).sum())
     spent = problem.n_frames * len(problem.coordinates) + len(problem.parameters)
     left = max(3 * int(shown.sum()) - spent, 1)
@@ -217,7 +165,7 @@ def estimate_residual_variance(problem: problems.Problem, q: Array, p: Array) ->
 
 
 def estimate_repetition(
-    problem: problems.Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float
+    problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float
 ) -> float:
     """How many frames say the same thing about the parameters, at least one.
 

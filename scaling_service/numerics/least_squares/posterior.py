@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares.estimator import Outcome
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.least_squares.problem import Outcome, find_seen
 from scaling_service.numerics.least_squares.whitening import (
     ErrorGroup,
-    GaussianPrior,
     PosteriorProblem,
     Whitening,
 )
@@ -87,8 +85,8 @@ def solve_posterior(
     determined. ``progress``: called with the step's number and the cost. ``most``: steps.
     """
     whitening, q, p = Whitening(problem), q0.copy(), p0.copy()
-    gap, cost = _compute_cost(problem, whitening, q, p)
-    normal = _linearise(problem, whitening, q, p, gap)
+    gap = _whiten_gaps(problem, whitening, q, p)
+    cost, normal = _compute_cost(problem, gap, q, p), _linearise(problem, whitening, q, p, gap)
     damping, outcome, steps = _FIRST, Outcome.MAX_STEPS, 0
     while steps < most and outcome is Outcome.MAX_STEPS:
         steps += 1
@@ -98,7 +96,8 @@ def solve_posterior(
         trial_q, trial_p = q.copy(), p + step
         trial_q[:, problem.coordinates] += solved[:, :, 0] - solved[:, :, 1:] @ step
         trial_q = _solve_block(problem, whitening, trial_q, trial_p, _INNER)
-        trial_gap, trial_cost = _compute_cost(problem, whitening, trial_q, trial_p)
+        trial_gap = _whiten_gaps(problem, whitening, trial_q, trial_p)
+        trial_cost = _compute_cost(problem, trial_gap, trial_q, trial_p)
         if trial_cost > cost:
             damping *= _RAISE
             outcome = Outcome.CONVERGED if damping > _MOST else outcome
@@ -110,12 +109,12 @@ def solve_posterior(
         if progress is not None:
             progress(steps, cost)
     problem = replace(problem, integrated=None)
-    normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
+    white = _whiten_gaps(problem, whitening, q, p)
+    normal = _linearise(problem, whitening, q, p, white)
     curvature, _, _ = _eliminate(problem, normal, p, 0.0)
     covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
     told = len(p) - float(np.einsum("ij,ji->", covariance, problem.prior.precision))
     told += float(problem.shares.sum()) * len(problem.coordinates)
-    white, _ = _compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)
     misfit, weights, count = whitening.weigh_misfit(white)
     numbers = 3.0 * find_seen(problem.measured).sum(axis=1)
     return Posterior(
@@ -131,18 +130,19 @@ def solve_posterior(
     )
 
 
-def _compute_cost(problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array) -> tuple[Array, float]:
-    """Whitened residuals, (n, 3 n_markers), and the cost: theirs and the prior's, but for a constant."""
+def _whiten_gaps(problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array) -> Array:
+    """Whitened residuals, (n, 3 n_markers)."""
     poses = trees.pose_links(problem.tree, np.ascontiguousarray(q.T), p)
     gap = np.moveaxis(problem.measured, 0, -1) - trees.place_tree_markers(problem.tree, poses)
     gap = np.where(np.isfinite(gap), gap, 0.0)
-    white = whitening.apply(poses.axes, problem.tree.marker_link, gap[None])[:, 0]
-    cost = float((white**2).sum())
-    cost += float(_compute_held_costs(problem, q).sum())
+    return whitening.apply(poses.axes, problem.tree.marker_link, gap[None])[:, 0]
+
+
+def _compute_cost(problem: PosteriorProblem, white: Array, q: Array, p: Array) -> float:
+    """The cost of whitened residuals and of the prior, but for a constant."""
+    cost = float((white**2).sum()) + float(_compute_held_costs(problem, q).sum())
     prior = problem.prior
-    if not prior.names:
-        return white, cost
-    return white, cost + float(p @ prior.precision @ p - 2.0 * prior.pull @ p)
+    return cost + float(p @ prior.precision @ p - 2.0 * prior.pull @ p) if prior.names else cost
 
 
 def _linearise(
@@ -255,7 +255,7 @@ def integrate_over(
         elif tree.factors[factor].coordinate in column:
             drives[k, column[tree.factors[factor].coordinate]] = 1.0
     whitening = Whitening(problem)
-    normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
+    normal = _linearise(problem, whitening, q, p, _whiten_gaps(problem, whitening, q, p))
     covariance = np.linalg.inv(_eliminate(problem, normal, p, 0.0)[0][np.ix_(latent, latent)])
     found = np.zeros((len(q), nq + 1, nq + 1))
     for start in range(0, len(q), _AT_ONCE):
@@ -325,7 +325,7 @@ def propagate(
     for rows in split_rows(n):
         part = problem.in_frames(rows)
         whitening = Whitening(part)
-        normal = _linearise(part, whitening, q[rows], p, _compute_cost(part, whitening, q[rows], p)[0])
+        normal = _linearise(part, whitening, q[rows], p, _whiten_gaps(part, whitening, q[rows], p))
         inverse = np.linalg.inv(_with_ridge(normal.own))
         follow = inverse @ normal.cross
         found[rows] = inverse + follow @ covariance @ follow.transpose(0, 2, 1)
@@ -356,18 +356,18 @@ def _solve_block(
     most: int = MOST_STEPS,
 ) -> Array:
     """The poses of frames that are linearised together, each with a damping of its own."""
-    nothing = replace(problem, prior=GaussianPrior(()))
-    damping = np.full(len(q), _FIRST)
-    gap, costs = _compute_frame_costs(problem, whitening, q, p)
+    damping, gap = np.full(len(q), _FIRST), _whiten_gaps(problem, whitening, q, p)
+    costs = np.square(gap).sum(axis=1) + _compute_held_costs(problem, q)
     for _ in range(most):
-        normal = _linearise(nothing, whitening, q, p, gap, shared=False)
+        normal = _linearise(problem, whitening, q, p, gap, shared=False)
         own = _with_ridge(normal.own)
         diagonal = np.einsum("nii->ni", own)
         diagonal += damping[:, None] * diagonal
         step = np.linalg.solve(own, normal.slope[:, :, None])[:, :, 0]
         trial = q.copy()
         trial[:, problem.coordinates] += step
-        trial_gap, trial_costs = _compute_frame_costs(problem, whitening, trial, p)
+        trial_gap = _whiten_gaps(problem, whitening, trial, p)
+        trial_costs = np.square(trial_gap).sum(axis=1) + _compute_held_costs(problem, trial)
         better = trial_costs <= costs
         settled = (np.abs(costs - trial_costs) < _ENOUGH) | (damping >= 1.0)
         q = np.where(better[:, None], trial, q)
@@ -377,14 +377,6 @@ def _solve_block(
         if settled.all():
             break
     return q
-
-
-def _compute_frame_costs(
-    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array
-) -> tuple[Array, Array]:
-    """Whitened residuals and the cost of each frame."""
-    white, _ = _compute_cost(replace(problem, prior=GaussianPrior(())), whitening, q, p)
-    return white, np.square(white).sum(axis=1) + _compute_held_costs(problem, q)
 
 
 def _compute_held_costs(problem: PosteriorProblem, q: Array) -> Array:

@@ -1,9 +1,10 @@
-"""A kinematic problem: markers to be explained by coordinates per frame and shared parameters."""
+"""A kinematic problem: markers to be explained by coordinates per frame and shared parameters; its answer."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from enum import Enum
 from typing import Protocol
 
 import numpy as np
@@ -118,51 +119,32 @@ class Problem:
         """The same with no coordinate to estimate, only parameters."""
         return dataclasses.replace(self, coordinates=np.zeros(0, dtype=np.intp))
 
-    def clip(self, q: Array, p: Array) -> tuple[Array, Array]:
-        """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place.
 
-        And to where the closure is obeyed.
-        """
-        lower, upper = self.coordinate_bounds
-        free = self.coordinates
-        q[:, free] = np.clip(q[:, free], lower[free], upper[free])
-        p[self.parameters] = np.clip(p[self.parameters], self.lower, self.upper)
-        if self.closure is not None and self.closed:
-            self.closure.close(q, p, free, lower[free], upper[free])
-        return q, p
+class Outcome(Enum):
+    """How an iteration ended."""
+
+    CONVERGED = "converged"
+    MAX_STEPS = "max_steps"
 
 
-def compute_residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -> Array:
-    """Measured minus model, (n, n_markers, 3), m; NaN where not seen."""
-    poses = trees.pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    return problem.measured[rows] - np.moveaxis(trees.place_tree_markers(problem.tree, poses), -1, 0)
+@dataclasses.dataclass(frozen=True, slots=True)
+class Settings:
+    """When to stop: the step promises less than this share of the cost, or so many steps are done."""
+
+    max_steps: int = 100
+    relative_decrease: float = 1e-8
+    damping: float = 1e-4
 
 
-def compute_frame_costs(problem: Problem, q: Array, p: Array) -> Array:
-    """The weighted (robust) sum of squared distances of each frame, (n_frames,), m2."""
-    costs = np.empty(problem.n_frames)
-    for rows in problem.blocks():
-        gaps = compute_residuals(problem, q, p, rows)
-        squared = np.einsum("nmc,nmc->nm", gaps, gaps)
-        shown = np.isfinite(squared)
-        costs[rows] = (problem.loss.cost(np.where(shown, squared, 0.0)) * shown) @ problem.weights
-        if problem.coordinate_prior is not None:
-            value, weight = (part[rows] for part in problem.coordinate_prior)
-            costs[rows] += (weight * np.square(q[rows] - value)).sum(axis=1)
-        if problem.closure is not None:
-            costs[rows] += problem.closing * np.square(problem.closure.evaluate(q[rows], p)).sum(axis=1)
-    return costs
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Solution:
+    """Coordinates (n_frames, n_coordinates), parameters (n_parameters,), cost (m2) and how it ended."""
 
-
-def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:
-    """The priors' share of the cost (m2)."""
-    change = (p - p0)[problem.parameters]
-    return float(problem.prior_weight @ change**2)
-
-
-def compute_total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
-    """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
-    return compute_prior_cost(problem, p, p0) + float(compute_frame_costs(problem, q, p).sum())
+    q: Array
+    p: Array
+    cost: float
+    steps: int
+    outcome: Outcome
 
 
 def find_seen(positions: NDArray[np.float64]) -> Mask:
@@ -172,14 +154,6 @@ def find_seen(positions: NDArray[np.float64]) -> Mask:
     Returns bool (...).
     """
     return np.asarray(np.isfinite(positions).all(axis=-1))
-
-
-def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The first frame of every pattern (n_frames, n_markers), and the pattern of every frame."""
-    packed = np.ascontiguousarray(np.packbits(shown, axis=1))  # one item a frame sorts far faster than rows
-    items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
-    _, first, which = np.unique(items, return_index=True, return_inverse=True)
-    return first, which
 
 
 def find_shown(positions: NDArray[np.float64]) -> Mask:

@@ -88,8 +88,7 @@ class Mechanism:
     @cached_property
     def entries(self) -> tuple[plan.Entry, ...]:
         """The terms that move with time, once for each of their coordinates, turns first, then shifts."""
-        moving = plan.split_entries(self.tree.plan.entries, self.tree.factors)
-        return tuple(sorted(moving, key=lambda e: not e.is_turn))
+        return tuple(sorted(self.tree.plan.moving, key=lambda e: not e.is_turn))
 
     @cached_property
     def n_turns(self) -> int:
@@ -120,9 +119,7 @@ class Mechanism:
     @cached_property
     def coordinates(self) -> NDArray[np.intp]:
         """The coordinate that each entry follows, shape (n_entries,)."""
-        return np.array(
-            [plan.find_entry_coordinate(e, self.tree.factors) for e in self.entries], dtype=np.intp
-        )
+        return np.array([e.coordinate for e in self.entries], dtype=np.intp)
 
     @cached_property
     def gathering(self) -> Array:

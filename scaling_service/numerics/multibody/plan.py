@@ -92,7 +92,9 @@ class Entry:
     term: laws.TermArrays
     direction: Array
     is_turn: bool
-    number: int = 0  # which coordinate of the term's factor is looked at, where they are one by one
+    # Of a coordinate that moves it: which of its factor's, and which of all
+    number: int = 0
+    coordinate: int = laws.NONE
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -110,6 +112,7 @@ class Plan:
     angles: Linear
     shifts: Linear
     entries: tuple[Entry, ...]  # Every varying term, in the order of the links' moves
+    moving: tuple[Entry, ...]  # those that coordinates move, once for each coordinate
 
 
 def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordinates: int) -> Plan:
@@ -138,6 +141,7 @@ def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordi
     parts = np.stack([_STILL if node.turn is None else _TURNING for node in ordered])
     first, second = np.stack([node.before for node in ordered]), np.stack([node.after for node in ordered])
     rotations = (first[:, None] @ parts @ second[:, None]).transpose(0, 3, 2, 1)
+    entries = tuple(entry for k in np.argsort(order) for entry in _list_entries(int(k), ordered[k]))
     return Plan(
         parent=parent_rows,
         levels=levels,
@@ -149,7 +153,13 @@ def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordi
         shifts=_build_linear(
             [tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates
         ),
-        entries=tuple(entry for k in np.argsort(order) for entry in _list_entries(int(k), ordered[k])),
+        entries=entries,
+        moving=tuple(
+            dataclasses.replace(entry, number=number, coordinate=coordinate)
+            for entry in entries
+            if entry.term.factor != laws.NONE
+            for number, coordinate in enumerate(factors[entry.term.factor].coordinates)
+        ),
     )
 
 
@@ -218,21 +228,6 @@ def _build_linear(
         factors=tuple(used.tolist()),
         others=tuple(others),
     )
-
-
-def split_entries(entries: Sequence[Entry], factors: Sequence[laws.Factor]) -> list[Entry]:
-    """The entries that coordinates move, once for each coordinate."""
-    return [
-        dataclasses.replace(entry, number=number) if number else entry
-        for entry in entries
-        if entry.term.factor != laws.NONE
-        for number in range(len(factors[entry.term.factor].coordinates))
-    ]
-
-
-def find_entry_coordinate(entry: Entry, factors: Sequence[laws.Factor]) -> int:
-    """The coordinate that an entry of :func:`split_entries` follows."""
-    return factors[entry.term.factor].coordinates[entry.number]
 
 
 def is_plain(term: laws.TermArrays, factors: Sequence[laws.Factor]) -> bool:

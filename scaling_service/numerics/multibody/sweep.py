@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares import clusters as clustering
 from scaling_service.numerics.least_squares import elimination
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import NONE
-from scaling_service.numerics.multibody.tree import Poses, Tree, evaluate_local_positions, pose_links
+from scaling_service.numerics.multibody.tree import Poses, Tree, pose_links
 
 _BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache
 _NEAR = 0.3  # share of the cost that a step may promise for the next one to use second derivatives
@@ -184,7 +185,7 @@ def _take_block(
     bounds: tuple[Array, Array],
     prior: tuple[Array, Array] | None,
 ) -> _Problem:
-    heavy = clustering.weight_markers(measured, weights)
+    heavy = np.where(find_seen(measured), weights, 0.0).T
     filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
     of_points = heavy if tree.placed is None else tree.placed[:, None] * heavy
@@ -193,9 +194,8 @@ def _take_block(
     moved = np.moveaxis(filled, 0, -1)
     moved = moved - (middle if tree.placed is None else tree.placed[:, None, None] * middle)
     carrier = plan.row_of_link[tree.marker_link]
-    clusters = clustering.gather_clusters(
-        carrier, len(tree.links), evaluate_local_positions(tree, p), moved, heavy, tree.placed
-    )
+    local = (tree.marker_local + tree.marker_shifts @ p)[:, :, None]
+    clusters = clustering.gather_clusters(carrier, len(tree.links), local, moved, heavy, tree.placed)
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), np.ascontiguousarray(prior[1].T))
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300

@@ -84,6 +84,12 @@ class Tree:
         return found
 
     @cached_property
+    def rotations(self) -> NDArray[np.intp]:
+        """The coordinates that turn links, by themselves or while they shift them, (n_rotations,)."""
+        turns = (e for e in self.plan.entries if e.is_turn and e.term.factor != laws.NONE)
+        return np.unique(np.array([self.factors[e.term.factor].coordinate for e in turns], dtype=np.intp))
+
+    @cached_property
     def marker_rows(self) -> tuple[NDArray[np.intp], ...]:
         """For every link the markers that sit on it."""
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))
@@ -328,5 +334,14 @@ def pose_markers(tree: Tree, q: Array, p: Array) -> Array:
     Returns (n_frames, n_markers, 3), m.
     """
     by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
-    placed = place_tree_markers(tree, pose_links(tree, by_frame, np.asarray(p, dtype=float)))
-    return np.ascontiguousarray(np.moveaxis(placed, -1, 0))
+    poses = pose_links(tree, by_frame, np.asarray(p, dtype=float))
+    return np.ascontiguousarray(np.moveaxis(place_tree_markers(tree, poses), -1, 0))
+
+
+def compute_marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+    """How markers move with variables, frame by frame, (n_frames, n_variables, 3 n_markers).
+
+    ``q``, ``p``: as of :func:`pose_markers`; ``variables``: as of :func:`compute_jacobian`.
+    """
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    return order_by_frame(compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.motion.loops import follow_neighbours
+from scaling_service.capabilities.motion.solving import follow_neighbours
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import estimate_coordinate_sd
 from scaling_service.core.arrays import Array
@@ -18,6 +18,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.closure import CLOSED
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import pose_markers
+from tests.capabilities.motion.solvers import answer_by
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 THIGH, SHANK, CRANK = 0.42, 0.40, 0.17
@@ -161,7 +162,9 @@ def test_a_leg_that_no_marker_shows_keeps_to_one_way_of_bending(default: float) 
         assert np.sign(knee[0]) == np.sign(default)
 
 
-def test_frames_beyond_a_jump_follow_the_longest_stretch_where_that_is_as_good() -> None:
+def test_frames_beyond_a_jump_follow_the_longest_stretch_where_that_is_as_good(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Of a motion written in two ways, with a jump that nothing else explains where it must stay."""
     times = 0.01 * np.arange(10)
     q = np.where(np.isin(np.arange(10), [0, 1, 6]), 5.0, 1.0)[:, None] + 0.01 * np.arange(10)[:, None]
@@ -174,7 +177,7 @@ def test_frames_beyond_a_jump_follow_the_longest_stretch_where_that_is_as_good()
             start + 0.01, cost, np.ones(len(rows), dtype=int), np.ones(len(rows), dtype=bool)
         )
 
-    joined = follow_neighbours(found, times, solve).q[:, 0]
+    joined = follow_neighbours(found, answer_by(solve, len(times), monkeypatch), times).q[:, 0]
     assert (np.abs(np.diff(joined[:9])) < 0.05).all()
     assert joined[3] == q[3, 0]
     assert joined[9] == -7.0

@@ -78,7 +78,6 @@ def test_a_marker_as_far_out_as_it_can_be_does_not_free_its_joint() -> None:
     q[:, model.coordinate_names.index("elbow")] = 1.0
     q[1:, model.coordinate_names.index("pronation")] = 0.5, 1.0
     task = Task.of(model, record(model, q, 0.0, without=("WRB",)))
-    assert find_determined(task.tree, task.measured, task.weights, q, task.p, task.free).all()
-    alone = task.in_frames(np.array([0]))
-    known = find_determined(alone.tree, alone.measured, alone.weights, q[:1], alone.p, alone.free)
+    assert find_determined(task, q).all()
+    known = find_determined(task.in_frames(np.array([0])), q[:1])
     assert not known[0, model.coordinate_names.index("pronation")]

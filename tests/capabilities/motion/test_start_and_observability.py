@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.capabilities.motion.ranges import list_prior_sds, measure_left
-from scaling_service.capabilities.motion.task import guess_start
+from scaling_service.capabilities.motion.ranges import (
+    list_prior_sds,
+    measure_left,
+    weigh_ranges,
+)
+from scaling_service.capabilities.motion.solving import guess_start
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import (
     compile_model,
@@ -24,17 +32,36 @@ from tests.numerics.bodies import leg, leg_motion, random_tree
 NONE = np.zeros(0)
 
 
+def follow(model: BodyModel, measured: np.ndarray, weights: np.ndarray | None = None) -> Task:
+    """A model's markers, all coordinates free, whether or not any is seen."""
+    tree, n = compile_model(model), len(model.coordinates)
+    heavy = np.ones(tree.n_markers) if weights is None else weights
+    free, bounds = np.ones(n, dtype=bool), (np.full(n, -np.inf), np.full(n, np.inf))
+    return Task(
+        model=model,
+        tree=tree,
+        markers=model.marker_names,
+        measured=measured,
+        weights=heavy,
+        free=free,
+        bounds=bounds,
+        p=NONE,
+        ranges=weigh_ranges(model, tree, measured, heavy, free, NONE),
+    )
+
+
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_the_guess_puts_the_root_where_its_markers_are(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    tree = compile_model(leg(rng))
+    model = leg(rng)
+    tree = compile_model(model)
     q = np.zeros((4, 10))
     q[:, :3], q[:, [3, 5]] = rng.uniform(-3.0, 3.0, (4, 3)), rng.uniform(-3.0, 3.0, (4, 2))
     q[:, 4] = rng.uniform(-1.4, 1.4, 4)
     q[:, 6:] = rng.uniform(-1.0, 1.0, (4, 4))
     measured = pose_markers(tree, q, NONE)
-    guess = guess_start(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
+    guess = guess_start(follow(model, measured), np.zeros(10))
     own = tree.marker_rows[0]
     np.testing.assert_allclose(pose_markers(tree, guess, NONE)[:, own], measured[:, own], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(guess[:, 6:], 0.0)
@@ -42,31 +69,35 @@ def test_the_guess_puts_the_root_where_its_markers_are(seed: int) -> None:
 
 def test_frames_without_markers_take_the_nearest_guess() -> None:
     rng = np.random.default_rng(1)
-    tree, q = compile_model(leg(rng)), leg_motion(rng, 6)
+    model = leg(rng)
+    tree, q = compile_model(model), leg_motion(rng, 6)
     measured = pose_markers(tree, q, NONE)
     measured[[0, 3]] = np.nan
-    guess = guess_start(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
+    guess = guess_start(follow(model, measured), np.zeros(10))
     np.testing.assert_array_equal(guess[0], guess[1])
     assert (guess[3] == guess[2]).all() or (guess[3] == guess[4]).all()
 
 
 def test_with_two_root_markers_the_whole_body_places_the_root() -> None:
     rng = np.random.default_rng(2)
-    tree = compile_model(leg(rng))
+    model = leg(rng)
+    tree = compile_model(model)
     q = np.tile(leg_motion(rng, 1), (3, 1))
     q[:, 6:] = 0.0
     measured = pose_markers(tree, q, NONE)
     measured[:, tree.marker_rows[0][:2]] = np.nan
-    guess = guess_start(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
+    guess = guess_start(follow(model, measured), np.zeros(10))
     np.testing.assert_allclose(guess, q, rtol=0, atol=1e-9)
 
 
 def test_a_root_that_is_not_free_is_left_alone() -> None:
     rng = np.random.default_rng(3)
-    tree = compile_model(leg(rng))
+    model = leg(rng)
+    tree = compile_model(model)
     free = np.array([False] * 6 + [True] * 4)
     neutral = rng.normal(size=10)
-    guess = guess_start(tree, np.zeros((2, tree.n_markers, 3)), neutral, NONE, free)
+    task = replace(follow(model, np.zeros((2, tree.n_markers, 3))), free=free)
+    guess = guess_start(task, neutral)
     np.testing.assert_array_equal(guess, np.tile(neutral, (2, 1)))
 
 
@@ -76,8 +107,7 @@ def verdict(seen: list[str], *, weights: np.ndarray | None = None) -> dict[str, 
     tree, q = compile_model(model), leg_motion(rng, 2)
     measured = pose_markers(tree, q, NONE)
     measured[:, [k for k, n in enumerate(model.marker_names) if n not in seen]] = np.nan
-    heavy = np.ones(tree.n_markers) if weights is None else weights
-    found = find_determined(tree, measured, heavy, q, NONE, np.ones(10, dtype=bool))
+    found = find_determined(follow(model, measured, weights), q)
     assert (found == found[0]).all()
     return dict(zip(model.coordinate_names, found[0].tolist(), strict=True))
 
@@ -130,7 +160,7 @@ def test_the_verdict_is_that_of_the_rank(seed: int) -> None:
     loose = (vectors[:, values < 1e-7] ** 2).sum(axis=1)
     if ((loose > 1e-4) & (loose < 0.05)).any():
         return
-    found = find_determined(tree, measured, np.ones(tree.n_markers), q, NONE, np.ones(n, dtype=bool))[0]
+    found = find_determined(follow(model, measured), q)[0]
     np.testing.assert_array_equal(found, loose < 1e-2)
 
 

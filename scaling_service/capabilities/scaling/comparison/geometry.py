@@ -14,6 +14,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.model import body, parameters, results
 from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import lengths as anatomy_lengths
+from scaling_service.model.poses import straighten
 from scaling_service.numerics.multibody.tree import pose_markers
 
 _CORNERS: tuple[body.Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -50,7 +51,7 @@ def measure_geometry(calibration: results.Calibration) -> Geometry:
     """Lengths, joint centres, knee axes and marker shifts of a calibration's model."""
     # The turns of each knee's axis from z of the thigh
     tilts = dict(calibration.axis_tilts)
-    values = anatomy_lengths.straighten(calibration.model)
+    values = straighten(calibration.model)
     for segment in calibration.model.segments:
         move = calibration.joint_moves.get(segment.joint_name)
         thigh = calibration.model.bone_of(segment.parent).startswith("femur")

@@ -121,9 +121,9 @@ class Fit:
         variance = estimator.estimate_residual_variance(self.problem, q, p)
         return variance * estimator.estimate_repetition(self.problem, q, p, self.blocks, variance)
 
-    def error(self, solution: estimator.Solution) -> float:
+    def error(self, solution: problems.Solution) -> float:
         """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
-        return problems.compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
+        return estimator.compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,16 +131,14 @@ class Fitted:
     """A solution with the fit that it solves, and the noise of one independent frame (m2)."""
 
     fit: Fit
-    solution: estimator.Solution
+    solution: problems.Solution
     variance: float
 
 
 def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
     steps = 0
-    solution = estimator.Solution(
-        q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=estimator.Outcome.MAX_STEPS
-    )
+    solution = problems.Solution(q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=problems.Outcome.MAX_STEPS)
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
@@ -162,17 +160,17 @@ def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | No
     """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
     q, p = fit.q0, fit.p0
     cost, outcome, loop = (
-        problems.compute_total_cost(fit.problem, q, p, fit.p0),
-        estimator.Outcome.MAX_STEPS,
+        estimator.compute_total_cost(fit.problem, q, p, fit.p0),
+        problems.Outcome.MAX_STEPS,
         0,
     )
-    while outcome is estimator.Outcome.MAX_STEPS and loop < settings.max_loops:
+    while outcome is problems.Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
         p = estimator.solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
-        before, cost = cost, problems.compute_total_cost(fit.problem, q, p, fit.p0)
+        before, cost = cost, estimator.compute_total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:
-            outcome = estimator.Outcome.CONVERGED
-    return Fitted(fit, estimator.Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))
+            outcome = problems.Outcome.CONVERGED
+    return Fitted(fit, problems.Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))

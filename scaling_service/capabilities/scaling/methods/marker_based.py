@@ -11,7 +11,7 @@ import numpy as np
 from scaling_service.capabilities.scaling.methods import functional, people_prior, placement
 from scaling_service.capabilities.scaling.sizes import points as sizes_points
 from scaling_service.capabilities.scaling.sizes import sizing as personal_sizes
-from scaling_service.capabilities.scaling.sizes import without_markers
+from scaling_service.capabilities.scaling.sizes.without_markers import size_without_markers
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core import errors
 from scaling_service.core.text import list_few
@@ -47,9 +47,9 @@ def scale_linearly(
     Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
-    if without_markers.has_no_markers(session):
+    if session.unmarked:
         # The model of a person of whom there are rotations alone
-        alone = without_markers.size_without_markers(session)
+        alone = size_without_markers(session)
         return results.Calibration(
             method="MB",
             model=scale_model(session.model, alone.factors),

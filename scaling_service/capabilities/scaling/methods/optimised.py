@@ -21,6 +21,7 @@ from scaling_service.model import body, parameters, results
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.subject import Session
 from scaling_service.numerics.least_squares import estimator
+from scaling_service.numerics.least_squares.problem import Outcome, Solution
 
 SELECTED_COORDINATES = {"PSIS": "xz", "ASIS": "xz", "LFE": "", "MFE": "xz", "FH": "xz", "LM": "", "MM": "x"}
 """Local coordinates that MB_lam frees, by landmark without its side (Puchaud 2019, table 1)."""
@@ -132,12 +133,12 @@ def _list_turning_coordinates(segment: body.Segment) -> set[str]:
 def _list_warnings(
     method: str,
     estimated: abc.Sequence[results.EstimatedParameter],
-    solution: estimator.Solution,
+    solution: Solution,
     doubt: estimator.Uncertainty,
     sds: abc.Mapping[str, float],
 ) -> tuple[str, ...]:
     found = []
-    if solution.outcome is not estimator.Outcome.CONVERGED:
+    if solution.outcome is not Outcome.CONVERGED:
         found.append(f"{method}: stopped after {solution.steps} steps before it converged")
     bound = [p.name for p in estimated if p.at_bound]
     loose = [p.name for p in estimated if not p.identifiable]

@@ -21,7 +21,7 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model import body
 from scaling_service.model import poses as posing
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
+from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import ImageEvidence, ImagePose
@@ -172,7 +172,7 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
     ratios = {n: length / float(np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()}
     found.resize({name: (ratio,) * 3 for name, ratio in ratios.items()})
     ends = _find_leg_ends(found.model, femur, tibia, side)
-    values = straighten(found.model)
+    values = posing.straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
     flexion = lateral if axis is None else np.array(axis) * np.sign(np.array(axis) @ lateral)
     knee, carried = _find_turning_in(list_chain(found.model, femur, tibia), values)
@@ -220,7 +220,7 @@ def _register_shank(
     """
     knee_at, ankle_at = ends
     chain = list_chain(found.model, femur, tibia)
-    values = straighten(found.model)
+    values = posing.straighten(found.model)
     knee, _ = _find_turning_in(chain, values)
     terms = knee.joints[find_turning_joints(knee)[0]].law.terms
     coordinate = next(t.coordinate for t in terms if t.coordinate is not None)
@@ -262,7 +262,7 @@ def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: 
     found.shift(chain[0], pose.to_local(ankle) - find_joint_ends(found.model, "ankle", side)[tibia])
     axis = evidence.axes.get(f"ankle_{side}")
     if axis is not None:
-        values = straighten(found.model)
+        values = posing.straighten(found.model)
         joint, carried = _find_turning_in(list_chain(found.model, tibia, foot), values)
         onto = carried.T @ pose.rotation.T @ np.array(axis)
         found.turn(joint, onto * np.sign(onto @ find_axis_in_parent(joint, values)), values)
@@ -279,7 +279,7 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     talus, calcn = (find_body(found.model, f"{bone}_{side}") for bone in ("talus", "calcn"))
     if name not in evidence.axes or talus is None or calcn is None:
         return
-    values = straighten(found.model)
+    values = posing.straighten(found.model)
     chain = list_chain(found.model, talus, calcn)
     if not any(j.turns for s in chain for j in s.joints):
         return
@@ -320,7 +320,7 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
 
     ``imaged``, ``other``: their shanks.
     """
-    values = straighten(found.model)
+    values = posing.straighten(found.model)
     ours, theirs = (found.model.segment(name) for name in (imaged, other))
     first, _ = find_turning_joints(ours)
     move = found.moves.get(ours.joint_name, JointMove())

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.capabilities.motion import ranges
-from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
-from scaling_service.capabilities.motion.solving import solve_from
+from scaling_service.capabilities.motion.solving import guess_start, solve_from
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, parameters
@@ -182,7 +182,7 @@ def _locate(
 ) -> dict[str, body.Vector]:
     """Local positions of labels on their segments, the model posed by its weighted markers, m."""
     few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
-    q = solve_task(tasks.Task.of(model, few, weights=weights), few.times).q
+    q = solve_task(Task.of(model, few, weights=weights), few.times).q
     return _average_local_places(model, few, q, segments)
 
 
@@ -217,7 +217,7 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
     which are followed at once, as if they were frames.
     """
     weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
-    task = tasks.Task.of(model, pose, weights=weights)
+    task = Task.of(model, pose, weights=weights)
     wanted = compiling.repeat_default_pose(model, 1)
     pull = np.zeros(len(model.coordinates))
     for k, name in enumerate(model.coordinate_names):
@@ -225,15 +225,14 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
         wanted[0, k] = placement.coordinate_values.get(name, wanted[0, k])
     # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
     prior = (np.repeat(wanted, _STARTS, axis=0), pull * task.weights.sum())
-    measured = np.repeat(task.measured, _STARTS, axis=0)
+    repeated = task.in_frames(np.zeros(_STARTS, dtype=np.intp))
     natural = compiling.list_coordinate_ranges(model)
-    starts = tasks.guess_start(task.tree, measured, wanted[0], task.p, task.free)
+    starts = guess_start(repeated, wanted[0])
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
     def solve(start: Array, bounds: tuple[Array, Array]) -> sweep.MotionSolution:
-        repeated = replace(task, measured=measured, bounds=bounds)
-        return solve_from(repeated, slice(None), start, settings=_EXACT, prior=prior)
+        return solve_from(replace(repeated, bounds=bounds), start, settings=_EXACT, prior=prior)
 
     found = solve(solve(np.clip(starts, *natural), natural).q, task.bounds)
     return found.q[[int(np.argmin(found.cost))]]

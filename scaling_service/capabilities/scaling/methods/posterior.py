@@ -34,8 +34,7 @@ from scaling_service.model.places import tell_landmarks
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import posterior
-from scaling_service.numerics.least_squares.estimator import Outcome
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.least_squares.problem import Outcome, find_seen
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers

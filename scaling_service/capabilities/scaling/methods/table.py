@@ -16,9 +16,8 @@ from scaling_service.capabilities.scaling.methods.image_based import ImageBased
 from scaling_service.capabilities.scaling.methods.marker_based import MarkerBased
 from scaling_service.capabilities.scaling.methods.method import Method
 from scaling_service.capabilities.scaling.methods.posterior import JointPosterior
-from scaling_service.capabilities.scaling.sizes import without_markers
 from scaling_service.capabilities.shared import settings as shared_settings
-from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 
@@ -79,11 +78,17 @@ def calibrate(
     ``known``: calibrations done already; a method's first guess is taken from here, and what is done is
         added.
     ``progress``: called with the step's number and the cumulative kinematic error (m2).
-    Raises SubjectInvalid: there is no such method.
+    Raises SubjectInvalid: there is no such method. TrialUnusable: it is fitted to markers that there are not.
     """
     check_methods([method])
-    if method in _OURS and without_markers.has_no_markers(session):  # others say themselves what they need
-        without_markers.refuse_without_markers(method)
+    # Others than ours say themselves what they need
+    if method in _OURS and method != "MB" and session.unmarked:
+        raise TrialUnusable(
+            f"{method} is fitted to markers on skin, and the recordings hold none",
+            field="method",
+            remedy="Choose MB, which then sizes the model by sex, stature and joint centres that are told; "
+            "or name a standing trial with markers under `trials:`",
+        )
     done = {} if known is None else known
     if method not in done:
         row = METHODS[method]

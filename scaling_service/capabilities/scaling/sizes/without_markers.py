@@ -9,9 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.sizes import sizing
 from scaling_service.capabilities.scaling.sizes.ratios import Ratios
-from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.key_points import shows_key_points_alone
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.body import Vector
 from scaling_service.model.subject import Session
@@ -35,24 +33,6 @@ _BETWEEN: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
     | {"inter_hip": (("l_thigh", "r_thigh"), ("LHip", "RHip"))}
 )
 """Dimension to what it lies between: origins of a markerless system's segments, key points of video."""
-
-
-def has_no_markers(session: Session) -> bool:
-    """Whether no recording of a session has a marker on skin: rotations alone, or key points of video."""
-    marked = [trial for trial in (session.static, *session.dynamic) if trial is not None]
-    shown = [label for trial in marked for label in trial.shown_labels]
-    return shows_key_points_alone(session.model, shown) if marked else bool(session.rotations)
-
-
-def refuse_without_markers(method: str) -> None:
-    """Refuse a method that is fitted to markers (TrialUnusable)."""
-    if method != "MB":
-        raise TrialUnusable(
-            f"{method} is fitted to markers on skin, and the recordings hold none",
-            field="method",
-            remedy="Choose MB, which then sizes the model by sex, stature and joint centres that are told; "
-            "or name a standing trial with markers under `trials:`",
-        )
 
 
 def size_without_markers(session: Session) -> sizing.Sizing:

@@ -60,7 +60,7 @@ def search(misread: Misread) -> Findings:
     [
         (stretch, r"y is off by \+[12]\.\d% of y"),
         (bend, "as by a lens"),
-        (read_rows, r"they come \+(1\d|2\d)\.\d ms later for each metre along y"),
+        (read_rows, r"they come (1\d|2\d)\.\d ms later for each metre along y"),
         (breathe, "size comes and goes"),
     ],
     ids=["stretched", "bent", "late", "wandering"],

@@ -53,7 +53,9 @@ def describe_cameras(candidate: Candidate, size: Array) -> str:
     assert isinstance(spot, FieldSpot)
     along = LETTERS[int(np.argmax(spot.powers))]
     if spot.late:
-        return f"they come {1e3 * size[k] / spot.reach:+.1f} ms later for each metre along {along}"
+        late_ms = 1e3 * size[k] / spot.reach
+        when = "later" if late_ms > 0.0 else "earlier"
+        return f"they come {abs(late_ms):.1f} ms {when} for each metre along {along}"
     if sum(spot.powers) == 1:
         return f"{LETTERS[spot.axis]} is off by {size[k] / spot.reach:+.1%} of {along}"
     return f"{LETTERS[spot.axis]} is off by {1e3 * abs(size[k]):.0f} mm at {spot.reach:.1f} m, as by a lens"

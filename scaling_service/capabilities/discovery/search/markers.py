@@ -40,8 +40,8 @@ _WANDERING, _LASTING = 4, 4
 _AGAIN = 12
 """Of the likeliest that are looked at once more, levels learnt beside them (chosen: the lead is there)."""
 
-_TINY = 1e-9  # of a coefficient that is zero
 _WORTH = -2.0  # log odds from which that is done
+_TINY = 1e-9  # m or rad: a size of nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,7 +195,7 @@ class BodyTable:
     def find_misreading(self) -> tuple[float, Candidate, Array]:
         """The likeliest way in which cameras misread: log odds, and its numbers.
 
-        Against what every volume is off by, and skin that is livelier at any one segment.
+        Against what every volume is off by, and livelier skin at all segments.
         """
         wanders = Candidate("camera_readings", ("markers",), (), note="wandering")
         found = [(self._score_wandering(), wanders, np.zeros(0))]
@@ -206,7 +206,7 @@ class BodyTable:
         bayes, candidate, size = max(found, key=lambda one: one[0])
         odds = bayes - math.log(len(found))
         if odds > self.fit.settings.odds:
-            odds -= max(self._score_livelier(s.name) for s in self.fit.scene.bearing)
+            odds -= sum(self._score_livelier(s.name) for s in self.fit.scene.bearing)
         return odds, candidate, size
 
     def _score_wandering(self) -> float:
@@ -217,12 +217,10 @@ class BodyTable:
             columns, left = white.columns[:, at], white.subtract(self.base, self.estimate(k))
             shown = columns @ columns.transpose(0, 2, 1)
             scores = np.matmul(columns, left[:, :, None])
-            for share, sign in ((1.0, 1.0), (EVERYDAY, -1.0)):
-                inverse = np.linalg.inv(np.eye(len(at)) / (share * OFF_M) ** 2 + shown)
-                gain = (scores * (inverse @ scores)).sum() + np.linalg.slogdet(
-                    inverse / (share * OFF_M) ** 2
-                )[1].sum()
-                value += sign * 0.5 * white.look.weight * float(gain)
+            for sign, sd in ((0.5, OFF_M), (-0.5, EVERYDAY * OFF_M)):
+                inverse = np.linalg.inv(np.eye(len(at)) / sd**2 + shown)
+                gains = (scores * (inverse @ scores)).sum(axis=(1, 2)) + np.linalg.slogdet(inverse / sd**2)[1]
+                value += sign * white.look.weight * float(gains.sum())
         return value
 
     @cached_property
@@ -243,7 +241,7 @@ class BodyTable:
             np.matmul(white.spread_over_spots(self.base, L).transpose(0, 2, 1), white.columns)
             for white, _ in here
         ]
-        for by in (sd, OF_MOVEMENT * np.abs(effect.size) + _TINY):
+        for by in (sd, OF_MOVEMENT * np.maximum(np.abs(effect.size), _TINY)):
             every = [
                 [
                     score_course(white, left, c, way[None], by)[0]

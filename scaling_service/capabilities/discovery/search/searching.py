@@ -58,9 +58,9 @@ LIVELY = "most like {}, which leaves its place livelier than others"
 DRIFTS = "most like {}, but of a size that changes in the course of a recording"
 GROWN = "most like {}, but of a size that nobody meets"
 ONE_OF_MANY = "most like {}, and as much like several others"
-CARRIED = "most like {}, but of what a marker carries that is livelier than others"
+CARRIED = "most like {}, but a marker of that segment goes astray"
 MISREAD = "its readings are off as by no fault that is known; most simply, {}"
-CAMERAS = "all markers are off as by cameras that misread; most simply, {}"
+CAMERAS = "cameras misread, as by no known fault; most simply, {}: only what is likelier than that is named"
 UNLIKE = "in {} it is off between {:.2f} and {:.2f} s by more than elsewhere, as by no touch of the body"
 
 _TUNED, _IN_TUNE = 6, 0.005
@@ -73,7 +73,7 @@ class Search(Naming):
     """Labels, body and forces, one after the other."""
 
     misread: list[tuple[Prior, str]] = field(default_factory=list)  # plates, and how in words
-    distorted: bool = False  # whether cameras misread: the motion is not what was done
+    distorted: float = -math.inf  # log odds of cameras that misread: the motion is not what was done
     jumps: list[Jump] = field(default_factory=list)
     astray: set[str] = field(default_factory=set)  # segments and joints of markers that are lively or jump
     together: dict[str, float] = field(
@@ -152,7 +152,7 @@ class Search(Naming):
             return False
         said = CAMERAS.format(describe_cameras(candidate, size))
         self.withdrawn[candidate.key] = candidate, candidate.where, said
-        self.distorted = True
+        self.distorted = odds
         taken = {n.key for n in self.named if n.candidate.where == candidate.where}
         for key in taken:
             self._take_back(key)
@@ -285,8 +285,9 @@ class Search(Naming):
             loads, ranked = self._rank_forces()
             self.last["wrench"] = ranked
             self._remember(ranked, loads.square)
-            if count == self.settings.most or self.distorted:
+            if count == self.settings.most:
                 break
+            ranked = [r for r in ranked if r.odds > self.distorted]
             if self._find_misread(ranked):
                 continue
             classes = self._tell_classes(ranked, partial(compare_loads, loads))
@@ -303,6 +304,7 @@ class Search(Naming):
         for (candidate, _), how in self.misread:
             self.withdrawn[candidate.key] = candidate, candidate.where, MISREAD.format(how)
         ours, sizes = [n for n in self.named if not is_of_markers(n.candidate)], self.fit.by_key
+        lively = _find_lively(loads, self.settings.unexplained)
         for k, one in enumerate(ours):
             of_forces, sd = is_of_forces(one.candidate), list_usual_deviations(one.candidate, self.fit.model)
             where: tuple[str, ...] = ()
@@ -310,7 +312,7 @@ class Search(Naming):
                 reason = CARRIED
             elif of_forces and not is_met(one.candidate, sizes[one.key].size, self.fit.model):
                 reason = GROWN
-            elif _find_lively(loads, self.settings.unexplained) & {self._find_most(one)}:
+            elif lively and self._find_most(one) in lively:
                 reason = LIVELY
             elif of_forces and sd is not None and loads.score_drift(sizes[one.key], sd) > self.settings.odds:
                 reason = DRIFTS

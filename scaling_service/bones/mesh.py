@@ -175,7 +175,7 @@ def _expand_steps(steps: int) -> tuple[float, ...]:
 
 
 def remove_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, Array, float]:
-    """The vertices with their noise taken off, (n, 3), m; smoothed, (n, 3), m; the noise, m: 0 where none was.
+    """Vertices with their noise taken off, smoothed ones, each (n, 3), m, and the noise, m: 0 where none was.
 
     The noise is the standard deviation of the vertices along the normals of the smoothed surface. Up to
     :data:`QUIET_M` the points are returned as they are.

@@ -30,6 +30,7 @@ _PLACED_M = 0.03
 _SIZES = (0.9, 1.1)  # chosen: a segment's size may change by so much a round
 _ADAPTED = 0.5  # chosen: share of what both sides show of a landmark's place that the body takes over
 _ELSEWHERE_M = 0.020  # chosen: a label much farther from its landmark is another one (Welsch's weights)
+_ALIKE = 1e-6  # m and shares; chosen: far above what solutions leave open, far below what matters
 _UNLIKE_M = 0.030  # chosen: markers of both sides are placed by hand, each to 10 or 15 mm
 _HANGING = (0.0, 0.0, 0.0)
 _ARMS = (
@@ -67,6 +68,11 @@ _BONES = {
 """Segment, and those whose origins are its bone's ends."""
 
 
+Met = dict[tuple[int, tuple[tuple[int, int], ...]], Array]
+"""Round and pairs to where the landmarks of the pairs, moves on segments and sizes were, where nobody marked
+the trunk: arms, which hang on it, then are none of the labels', however they are held."""
+
+
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StandingBody:
     """A body over the labels of a standing trial.
@@ -102,7 +108,7 @@ def propose_standing_bodies(
     for start in sorted(starts.place_rigidly(at, stature, fixed), key=lambda start: start.cost):
         if len(tried) < _TRIED and not any(start.resembles(other) for other in tried):
             tried.append(start)
-    bodies = sorted((_bend(at, start, fixed) for start in tried), key=lambda body: body.misfit)
+    bodies = sorted(filter(None, (_bend(at, start, fixed) for start in tried)), key=lambda body: body.misfit)
     return [_with_numbers_of(seen, body) for body in bodies]
 
 
@@ -114,8 +120,9 @@ def refine_standing_body(
     at, fixed = points[seen], _renumber(seen, known)
     free = len(body.taken) < len(seen) or any(body.segments[n].startswith(_ARM) for n in body.taken.values())
     arms = _ARMS if free else (_HANGING,)  # where no label is or may be an arm's, nothing tells of them
-    held = (_bend(at, body.start, fixed, adapt=True, arms=how) for how in arms)
-    return _with_numbers_of(seen, min(held, key=lambda other: other.misfit))
+    met: Met = {}
+    held = [_bend(at, body.start, fixed, adapt=True, arms=how, met=met) for how in arms]
+    return _with_numbers_of(seen, min(filter(None, held), key=lambda other: other.misfit))
 
 
 def _renumber(seen: NDArray[np.intp], known: Mapping[int, str] | None) -> dict[int, str]:
@@ -133,11 +140,13 @@ def _bend(
     *,
     adapt: bool = False,
     arms: tuple[float, float, float] = _HANGING,
-) -> StandingBody:
+    met: Met | None = None,
+) -> StandingBody | None:
     """The body with its joints bent and its segments sized as the labels at its landmarks ask for.
 
     ``adapt``: whether its landmarks move on their segments, too; rivals are compared without. ``arms``: how
-    they start, flexion, abduction and the elbow's flexion, rad.
+    they start, flexion, abduction and the elbow's flexion, rad. ``met``: how others stood, to which this one
+    is added; None where it comes to stand as one of them did: from there on, both are the same.
     """
     body = read_body()
     names = list(body.marker_names)
@@ -194,6 +203,12 @@ def _bend(
         _resize(factors, at, places, names, pairs)
         if adapt:
             shifts = _adapt(model, q, at, pairs, names, shifts)
+        columns = [column for _, column in pairs]
+        if met is not None and not any(model.markers[column].segment == "torso" for column in columns):
+            stands = np.concatenate([places[columns], shifts, list(factors.values())])
+            before = met.setdefault((k, tuple(pairs)), stands)
+            if before is not stands and np.abs(stands - before).max() < _ALIKE:
+                return None
     segments = {m.name: m.segment for m in model.markers}
     return StandingBody(
         start=start,

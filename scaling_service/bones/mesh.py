@@ -164,13 +164,10 @@ def _expand_steps(steps: int) -> tuple[float, ...]:
 
     The mean's eigenvalues lie between -1 and 1. A fifth of as many means gives the same to rounding.
     """
-
-    def step(mean: Array) -> Array:
-        there = 1.0 + 0.5 * (mean - 1.0)
-        back = 1.0 + 0.5 * _UNSHRINK * (mean - 1.0)
-        return (there * back) ** steps
-
-    shares = chebyshev.chebinterpolate(step, 2 * steps)
+    mean = chebyshev.chebpts1(2 * steps + 1)
+    there, back = 1.0 + 0.5 * (mean - 1.0), 1.0 + 0.5 * _UNSHRINK * (mean - 1.0)
+    shares = 2.0 / len(mean) * (there * back) ** steps @ chebyshev.chebvander(mean, 2 * steps)
+    shares[0] /= 2.0
     return tuple(shares[: np.flatnonzero(np.abs(shares) > _ROUNDING)[-1] + 1].tolist())
 
 

@@ -73,8 +73,16 @@ def compile_share(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The check of types takes longest, so it begins first: by its name it would begin last, and alone."""
-    items.sort(key=lambda item: item.path.name != "test_checks.py")
+    """The check of types takes longest, so it begins first: by its name it would begin last, and alone.
+
+    What waits for a browser follows, in one process while the others compute: at the end, all would wait.
+    """
+    items.sort(
+        key=lambda item: (
+            item.path.name != "test_checks.py",
+            "browser" not in getattr(item, "fixturenames", ()),
+        )
+    )
 
 
 @pytest.fixture(scope="session")

@@ -181,18 +181,20 @@ def _bend(
                 for m, shift in zip(model.markers, shifts, strict=True)
             )
             model = model.with_markers(tuple(moved))
-        used = [names[column] for _, column in pairs]
+        tree = compiling.compile_model(model, names)
+        measured = np.full((1, len(names), 3), np.nan)
+        for row, column in pairs:
+            measured[0, column] = at[row]
         q = solve_motion(
-            compiling.compile_model(model, used),
-            at[[row for row, _ in pairs]][None],
-            np.ones(len(used)),
+            tree,
+            measured,
+            np.ones(len(names)),
             q,
             compiling.list_parameter_values(model),
-            free=compiling.free_coordinates(model),
+            free=_list_carrying(model, {model.markers[column].segment for _, column in pairs}),
             bounds=compiling.list_coordinate_ranges(model),
             prior=(wanted, pull),
         ).q
-        tree = compiling.compile_model(model, names)
         places = trees.pose_markers(tree, q, compiling.list_parameter_values(model))[0]
         pairs = starts.assign(at, places, names, 2.0 * reach, fixed)
         adrift = _list_adrift(model, {names[column] for _, column in pairs})
@@ -220,6 +222,16 @@ def _bend(
         heading=start.heading + float(q[0, index["pelvis_rotation"]] - wanted[0, index["pelvis_rotation"]]),
         misfit=starts.measure_misfit(at, places, pairs),
     )
+
+
+def _list_carrying(model: BodyModel, marked: set[str]) -> NDArray[np.bool_]:
+    """Which coordinates are free and move segments that bear markers, (n_coordinates,)."""
+    carrying, moving = set(marked), set[str]()
+    for segment in reversed(model.segments):
+        if segment.name in carrying:
+            carrying.add(segment.parent)
+            moving |= {name for joint in segment.joints for name in joint.law.coordinates}
+    return np.array([not c.locked and c.name in moving for c in model.coordinates])
 
 
 def _list_adrift(model: BodyModel, taken: set[str]) -> set[str]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import compileall
 import gc
+import hashlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
@@ -17,6 +18,10 @@ from _pytest.assertion import rewrite
 import scaling_service
 from scaling_service.core.threads import use_one_thread
 from tests.finished import Demo, fill_once, make_once
+
+if TYPE_CHECKING:
+    from scaling_service.bones.results import BoneLandmarks
+    from scaling_service.bones.whole import Mesh
 
 use_one_thread()  # numpy is not imported yet
 
@@ -35,13 +40,17 @@ def pytest_xdist_auto_num_workers() -> int:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection(session: pytest.Session) -> Iterator[None]:
-    """What collecting makes stays to the end: looking through it for garbage took a seventh of all time."""
+    """What collecting makes stays to the end: looking through it for garbage took a seventh of all time.
+
+    What tests make is looked through less often than usual: it is little beside arrays, and took a fiftieth.
+    """
     gc.disable()
     try:
         compile_share(session.config)
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(50_000)
         gc.enable()
 
 
@@ -64,8 +73,16 @@ def compile_share(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The check of types takes longest, so it begins first: by its name it would begin last, and alone."""
-    items.sort(key=lambda item: item.path.name != "test_checks.py")
+    """The check of types takes longest, so it begins first: by its name it would begin last, and alone.
+
+    What waits for a browser follows, in one process while the others compute: at the end, all would wait.
+    """
+    items.sort(
+        key=lambda item: (
+            item.path.name != "test_checks.py",
+            "browser" not in getattr(item, "fixturenames", ()),
+        )
+    )
 
 
 @pytest.fixture(scope="session")
@@ -90,6 +107,31 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
         return Demo(results, truth, shares)
 
     return make_once(tmp_path_factory, "demo", make)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def known_bones(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Landmarks of images that many tests read are found once in a run; tests of finding call it itself."""
+    from scaling_service.bones import whole
+
+    find = whole.find_landmarks
+
+    def find_once(
+        bones: Mapping[str, Mesh], *, progress: Callable[[str], None] | None = None
+    ) -> dict[str, BoneLandmarks]:
+        content = hashlib.sha256()
+        for name, arrays in bones.items():
+            content.update(name.encode())
+            if progress is not None:
+                progress(name)
+            for array in arrays:
+                content.update(f"{array.dtype} {array.shape}".encode())
+                content.update(array.tobytes())
+        return make_once(tmp_path_factory, f"bones_{content.hexdigest()}", lambda: find(bones))
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(whole, "find_landmarks", find_once)
+        yield
 
 
 @pytest.fixture(scope="session")

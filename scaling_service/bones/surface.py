@@ -131,10 +131,12 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _turn_outwards(points, triangles, label, notes)
     edge = mesh.measure_median_edge(points, triangles)
-    points, noise = mesh.remove_noise(points, triangles, SMOOTHING_M)
+    cleaned, smooth, noise = mesh.remove_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
-    points, triangles = mesh.refine_mesh(points, triangles, COARSE_M)
+    points, triangles = mesh.refine_mesh(cleaned, triangles, COARSE_M)
+    if points is not cleaned:
+        smooth = mesh.Smoother(points, triangles).smooth(SMOOTHING_M)
     label = _number_shells(points, triangles)
     # Centroid of the surface and its principal axes in columns, right-handed, longest first. Signs follow
     # the third moments, which no rotation of the image changes.
@@ -146,8 +148,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     skewness = w @ (local @ axes) ** 3
     axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    points = (points - origin) @ axes
-    smooth = mesh.Smoother(points, triangles).smooth(SMOOTHING_M)
+    points, smooth = (points - origin) @ axes, (smooth - origin) @ axes
     return Surface(
         points=points,
         smooth=smooth,

@@ -19,6 +19,7 @@ from scaling_service.virtual import motion
 from scaling_service.virtual.artefact import Artefact, draw_artefact, draw_residual, with_artefact
 from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.subject import CAMERA_MM, VirtualSettings, VirtualSubject, make_virtual_subject
+from tests.finished import make_once
 
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0)
 SHORT = VirtualSettings(functional_s=1.0, static_s=0.1, gait_trials=0)
@@ -27,8 +28,10 @@ MOVING = ("hip_r", "hip_l", "knee_r", "knee_l", "gait_1", "gait_2")
 
 
 @pytest.fixture(scope="module")
-def people() -> list[VirtualSubject]:
-    return [make_virtual_subject(seed, SHORT) for seed in range(200)]
+def people(tmp_path_factory: pytest.TempPathFactory) -> list[VirtualSubject]:
+    return make_once(
+        tmp_path_factory, "people", lambda: [make_virtual_subject(seed, SHORT) for seed in range(200)]
+    )
 
 
 @pytest.fixture(scope="module")

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections import abc
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from scaling_service.capabilities.consistent import estimate
-from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.dynamics import start
 from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.consistent import estimate
+    from scaling_service.capabilities.consistent.recording import ConsistentRecording
+    from scaling_service.capabilities.dynamics import start
 
 
 class GroundWrench(base.Part):

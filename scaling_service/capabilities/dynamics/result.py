@@ -11,17 +11,19 @@ import numpy as np
 import pydantic
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics import start
-from scaling_service.capabilities.dynamics import weight as weights
-from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.uncertainty import total
-from scaling_service.capabilities.dynamics.unmeasured import Unmeasured
-from scaling_service.capabilities.kinetics import inverse_dynamics
-from scaling_service.capabilities.kinetics.forces import TrialForces
 from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import list_few
 from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
+
+if typing.TYPE_CHECKING:
+    from scaling_service.capabilities.dynamics import start
+    from scaling_service.capabilities.dynamics import weight as weights
+    from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
+    from scaling_service.capabilities.dynamics.uncertainty import total
+    from scaling_service.capabilities.dynamics.unmeasured import Unmeasured
+    from scaling_service.capabilities.kinetics import inverse_dynamics
+    from scaling_service.capabilities.kinetics.forces import TrialForces
 
 
 def _round_figures(value: float) -> float:
@@ -235,7 +237,7 @@ class DynamicsResults:
     @property
     def residuals(self) -> ResultTable:
         """RMS of the residual wrench of every recording, N and N m."""
-        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in inverse_dynamics.COMPONENTS]
+        units = list(Wrench.model_fields)
         rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
         return ResultTable("RMS of the residual", ("trial", *units), rows)
 

@@ -6,18 +6,18 @@ import csv
 import itertools
 from collections import abc
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
-from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
-from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
-from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
 from scaling_service.documents import results as documents
 from scaling_service.documents.base import Known, Part, Rounded
 from scaling_service.documents.writing import write_json
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.scaling.result import Results
 
 IMAGED = "EB"
 
@@ -131,6 +131,8 @@ def view_segment_lengths(_: Results, document: documents.ComparisonDocument) -> 
 
 def view_joint_angles(results: Results, document: documents.ComparisonDocument) -> JointAngleComparison:
     """The joint angles of all methods, in each recording and over the gait cycle."""
+    from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
+
     names = list_joint_angles(next(iter(results.scalings.values())).calibration.model)
     trials = {
         trial.name: {
@@ -170,6 +172,8 @@ def _make_angle(curves: abc.Mapping[str, Array]) -> AngleEntry:
 
 
 def _make_gait(results: Results, reference: str) -> GaitEntry:
+    from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
+
     gait = make_gait_curves(results, reference)
     return GaitEntry(
         trials=list(gait.trials),

@@ -30,6 +30,7 @@ _PLACED_M = 0.03
 _SIZES = (0.9, 1.1)  # chosen: a segment's size may change by so much a round
 _ADAPTED = 0.5  # chosen: share of what both sides show of a landmark's place that the body takes over
 _ELSEWHERE_M = 0.020  # chosen: a label much farther from its landmark is another one (Welsch's weights)
+_ALIKE = 1e-6  # m and shares; chosen: far above what solutions leave open, far below what matters
 _UNLIKE_M = 0.030  # chosen: markers of both sides are placed by hand, each to 10 or 15 mm
 _HANGING = (0.0, 0.0, 0.0)
 _ARMS = (
@@ -67,6 +68,11 @@ _BONES = {
 """Segment, and those whose origins are its bone's ends."""
 
 
+Met = dict[tuple[int, tuple[tuple[int, int], ...]], Array]
+"""Round and pairs to where the landmarks of the pairs, moves on segments and sizes were, where nobody marked
+the trunk: arms, which hang on it, then are none of the labels', however they are held."""
+
+
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StandingBody:
     """A body over the labels of a standing trial.
@@ -102,7 +108,7 @@ def propose_standing_bodies(
     for start in sorted(starts.place_rigidly(at, stature, fixed), key=lambda start: start.cost):
         if len(tried) < _TRIED and not any(start.resembles(other) for other in tried):
             tried.append(start)
-    bodies = sorted((_bend(at, start, fixed) for start in tried), key=lambda body: body.misfit)
+    bodies = sorted(filter(None, (_bend(at, start, fixed) for start in tried)), key=lambda body: body.misfit)
     return [_with_numbers_of(seen, body) for body in bodies]
 
 
@@ -114,8 +120,9 @@ def refine_standing_body(
     at, fixed = points[seen], _renumber(seen, known)
     free = len(body.taken) < len(seen) or any(body.segments[n].startswith(_ARM) for n in body.taken.values())
     arms = _ARMS if free else (_HANGING,)  # where no label is or may be an arm's, nothing tells of them
-    held = (_bend(at, body.start, fixed, adapt=True, arms=how) for how in arms)
-    return _with_numbers_of(seen, min(held, key=lambda other: other.misfit))
+    met: Met = {}
+    held = [_bend(at, body.start, fixed, adapt=True, arms=how, met=met) for how in arms]
+    return _with_numbers_of(seen, min(filter(None, held), key=lambda other: other.misfit))
 
 
 def _renumber(seen: NDArray[np.intp], known: Mapping[int, str] | None) -> dict[int, str]:
@@ -133,11 +140,13 @@ def _bend(
     *,
     adapt: bool = False,
     arms: tuple[float, float, float] = _HANGING,
-) -> StandingBody:
+    met: Met | None = None,
+) -> StandingBody | None:
     """The body with its joints bent and its segments sized as the labels at its landmarks ask for.
 
     ``adapt``: whether its landmarks move on their segments, too; rivals are compared without. ``arms``: how
-    they start, flexion, abduction and the elbow's flexion, rad.
+    they start, flexion, abduction and the elbow's flexion, rad. ``met``: how others stood, to which this one
+    is added; None where it comes to stand as one of them did: from there on, both are the same.
     """
     body = read_body()
     names = list(body.marker_names)
@@ -172,18 +181,20 @@ def _bend(
                 for m, shift in zip(model.markers, shifts, strict=True)
             )
             model = model.with_markers(tuple(moved))
-        used = [names[column] for _, column in pairs]
+        tree = compiling.compile_model(model, names)
+        measured = np.full((1, len(names), 3), np.nan)
+        for row, column in pairs:
+            measured[0, column] = at[row]
         q = solve_motion(
-            compiling.compile_model(model, used),
-            at[[row for row, _ in pairs]][None],
-            np.ones(len(used)),
+            tree,
+            measured,
+            np.ones(len(names)),
             q,
             compiling.list_parameter_values(model),
-            free=compiling.free_coordinates(model),
+            free=_list_carrying(model, {model.markers[column].segment for _, column in pairs}),
             bounds=compiling.list_coordinate_ranges(model),
             prior=(wanted, pull),
         ).q
-        tree = compiling.compile_model(model, names)
         places = trees.pose_markers(tree, q, compiling.list_parameter_values(model))[0]
         pairs = starts.assign(at, places, names, 2.0 * reach, fixed)
         adrift = _list_adrift(model, {names[column] for _, column in pairs})
@@ -194,6 +205,12 @@ def _bend(
         _resize(factors, at, places, names, pairs)
         if adapt:
             shifts = _adapt(model, q, at, pairs, names, shifts)
+        columns = [column for _, column in pairs]
+        if met is not None and not any(model.markers[column].segment == "torso" for column in columns):
+            stands = np.concatenate([places[columns], shifts, list(factors.values())])
+            before = met.setdefault((k, tuple(pairs)), stands)
+            if before is not stands and np.abs(stands - before).max() < _ALIKE:
+                return None
     segments = {m.name: m.segment for m in model.markers}
     return StandingBody(
         start=start,
@@ -205,6 +222,16 @@ def _bend(
         heading=start.heading + float(q[0, index["pelvis_rotation"]] - wanted[0, index["pelvis_rotation"]]),
         misfit=starts.measure_misfit(at, places, pairs),
     )
+
+
+def _list_carrying(model: BodyModel, marked: set[str]) -> NDArray[np.bool_]:
+    """Which coordinates are free and move segments that bear markers, (n_coordinates,)."""
+    carrying, moving = set(marked), set[str]()
+    for segment in reversed(model.segments):
+        if segment.name in carrying:
+            carrying.add(segment.parent)
+            moving |= {name for joint in segment.joints for name in joint.law.coordinates}
+    return np.array([not c.locked and c.name in moving for c in model.coordinates])
 
 
 def _list_adrift(model: BodyModel, taken: set[str]) -> set[str]:

@@ -9,20 +9,14 @@ from typing import Annotated, Any
 
 import fastapi
 
-from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
-from scaling_service.capabilities.discovery.words import describe_effect
-from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
-from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents import service as contracts
-from scaling_service.model import builtin
 from scaling_service.service.http import bodies, callers
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.subjects import as_datetime
 from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import WrittenRow
-from scaling_service.virtual import example
 
 router = fastapi.APIRouter(prefix="/v1", tags=["subjects"])
 
@@ -95,6 +89,14 @@ def _make_document(row: WrittenRow | None) -> contracts.MarkerMapDocument:
 @cache
 def list_vocabulary() -> contracts.Vocabulary:
     """All names that come with the product."""
+    # What computes is loaded by the first who asks: a service starts without it.
+    from scaling_service.bones.whole import BONES
+    from scaling_service.capabilities.discovery.words import describe_effect
+    from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
+    from scaling_service.capabilities.scaling.methods.table import METHODS
+    from scaling_service.model import builtin
+    from scaling_service.virtual import example
+
     hidden_in_example = []
     for one in (example.SLIDING, example.SWAPPED):
         trials = () if one.trial is None else (one.trial,)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import requests
+from pathlib import Path
 
+from scaling_service.client import Client
 from tests.service.page.conftest import Visit
 from tests.service.page.visitor import LONG_MS
+from tests.service.page.walker import put_walker
 
 
-def test_several_jobs_at_once(visit: Visit, url: str) -> None:
-    requests.post(f"{url}/v1/examples?persons=2", timeout=30).raise_for_status()
-    # The page does not offer it: these recordings have no forces, so it fails.
-    requests.post(f"{url}/v1/dynamics", json={"subject": "example_2"}, timeout=30).raise_for_status()
+def test_several_jobs_at_once(visit: Visit, url: str, example: Path, tmp_path: Path) -> None:
+    with Client(url) as client:
+        put_walker(client, "busy", example / "lab", tmp_path)
+        # The page does not offer it: these recordings have no forces, so it fails.
+        client.ask("dynamics", subject="busy")
     visitor = visit(url)
-    visitor.go("subjects/example_2/run")
+    visitor.go("subjects/busy/run")
     visitor.sees("Scale by several methods and compare them")  # after the files were looked at
     visitor.press("Start: Find the missing effect")
     page = visitor.page
@@ -26,8 +29,8 @@ def test_several_jobs_at_once(visit: Visit, url: str) -> None:
     forces.get_by_role("link").click()
     page.locator(".problem .remedy").wait_for()
     address = page.url
-    visitor.go("jobs?subject=example_2&state=cancelled")
-    visitor.sees("Jobs on example_2")
+    visitor.go("jobs?subject=busy&state=cancelled")
+    visitor.sees("Jobs on busy")
     page.locator(".jobs li").first.wait_for()
     assert page.locator(".jobs li").count() == 1
     page.goto(address)

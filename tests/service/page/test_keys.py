@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import subprocess
 import zipfile
 from pathlib import Path
 
 from scaling_service.client import Client
-from tests.cli.serving import COMMAND, ENVIRONMENT, served
+from scaling_service.service.store import keys
+from scaling_service.service.store.store import Store
+from tests.cli.serving import served
 from tests.service.page.conftest import Visit
 from tests.service.page.visitor import Visitor
 from tests.service.page.walker import put_walker
 
 
 def new_key(folder: Path) -> str:
-    command = [*COMMAND, "keys", "create", "lab"]
-    place = {"SCALING_SERVICE_DATA_DIRECTORY": str(folder)}
-    done = subprocess.run(command, env=ENVIRONMENT | place, capture_output=True, text=True, check=True)
-    return next(word for word in done.stdout.split() if len(word) > 30)
+    store = Store.open(folder)
+    try:
+        return keys.create(store.database, "lab")[1]
+    finally:
+        store.close()
 
 
 def takes_away(visitor: Visitor, key: str, lab: Path, folder: Path) -> None:

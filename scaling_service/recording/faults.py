@@ -17,7 +17,13 @@ from scaling_service.recording.plausibility import remove_strays
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
 
-FAULTS = ("merged", "jitter", "shaking", "spikes", "dead_channel", "saturated")
+OF_CAMERAS = ("shaking", "uneven")
+"""Repairs after which a recording tells places, but no accelerations."""
+
+OF_PLATES = ("dead_channel", "saturated")
+"""Repairs after which what a plate bears stays unknown."""
+
+FAULTS = ("merged", "jitter", *OF_CAMERAS, "spikes", *OF_PLATES)
 """Repairs of this module."""
 
 ONE_POINT_M = 5e-3
@@ -43,6 +49,12 @@ _SLOWEST_HZ = 60.0  # chosen: at fewer frames a second a kick is as rough as noi
 _WINDOW = 11  # frames over which noise is measured (chosen: an impact lasts five)
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth differences, of which noise leaves its own deviation, and what moves smoothly nothing."""
+
+UNEVEN = 1.5
+"""Of the longer of the markers' steps before and after, from which a step is too long: half of the way to
+two, which is what a picture leaves that is missing or shown again (133 real files: none)."""
+
+_OF_NOISE = 5.0  # times a coordinate's noise by which such a step is too long (chosen)
 
 SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 SHAKEN_MS2 = 1.0  # chosen: RMS over the markers; a body that does so at such a pace jumps
@@ -84,8 +96,8 @@ that slowly comes to rest (chosen: a squat's load that is cut by a twentieth cha
 
 
 def repair_markers(trial: _AnyTrial) -> _AnyTrial:
-    """A recording as read without positions that cannot be those of its markers; shaking is noted."""
-    return note_shaking(remove_jitter(separate_merged(remove_strays(trial))))
+    """A recording as read without positions that cannot be those of its markers; bad cameras are noted."""
+    return note_uneven(note_shaking(remove_jitter(separate_merged(remove_strays(trial)))))
 
 
 def repair_forces(forces: GroundForces) -> GroundForces:
@@ -237,6 +249,32 @@ def _average_beside(power: arrays.Array) -> arrays.Array:
         )
         sides.append(total / np.maximum(count, 1.0))
     return np.asarray(np.maximum(*sides)) + 1e-300
+
+
+def note_uneven(trial: _AnyTrial) -> _AnyTrial:
+    """Note that markers go on by much more from one frame to the next than before and after, as no body does.
+
+    Pictures are missing there, or the last one was shown again before. Nothing is corrected. ``trial``: in
+    any axes, m. Returns one Repair, ``uneven``; the same trial if there is none.
+    """
+    steps = np.linalg.norm(np.diff(trial.markers, axis=0), axis=2)
+    if trial.rate_hz < _SLOWEST_HZ or trial.n_frames < len(_FOURTH):
+        return trial
+    rough = np.abs(scipy.ndimage.convolve1d(trial.markers, _FOURTH, axis=0))
+    usual = np.full(len(steps), np.nan)  # of most markers: a few may be exchanged
+    many = np.isfinite(steps).sum(axis=1) >= _LEAST[1]
+    if not many.any() or not np.isfinite(rough).any():
+        return trial
+    usual[many] = np.nanmedian(steps[many], axis=1)
+    more = usual[1:-1] - np.maximum(usual[:-2], usual[2:])
+    noise = 1.4826 * np.nanmedian(rough)
+    at = (more > (UNEVEN - 1.0) * (usual[1:-1] - more)) & (more > _OF_NOISE * noise)
+    if not at.any():
+        return trial
+    off = float(np.sqrt(np.square(more[at]).mean()))
+    detail = f"go on by {1e3 * off:.0f} mm more at once: pictures are missing, or shown again before"
+    note = Repair(what="uneven", where="all markers", detail=detail, frames=int(at.sum()), off=off)
+    return replace(trial, repairs=(*trial.repairs, note))
 
 
 def remove_spikes(forces: GroundForces) -> GroundForces:

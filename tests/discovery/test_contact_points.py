@@ -17,7 +17,6 @@ from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.arrays import Array
-from scaling_service.model.trial import Repair
 from tests.jobs.force_laboratory import force_laboratory
 
 POINT = (0.08, 0.25, -0.1)
@@ -77,12 +76,3 @@ def test_a_push_is_found_however_long_it_lasts(sway: WrenchFit, lasting_s: float
 def test_without_a_push_nothing_touches(sway: WrenchFit) -> None:
     fit = Fit(context=SearchContext(model=sway.model), wrenches=(sway,))
     assert not find_contacts(fit, {item.name: NOISE for item in fit.wrenches})
-
-
-def test_shaking_cameras_are_no_touch(sway: WrenchFit) -> None:
-    item = pushed(sway, 150.0, 0.5, 1.3)
-    trial = item.tracked.trial
-    shaking = trial.with_markers(trial.markers, Repair(what="shaking", where="cameras", detail=""))
-    for tracked in (item.tracked, replace(item.tracked, trial=shaking)):
-        fit = Fit(context=SearchContext(model=sway.model), tracked=(tracked,), wrenches=(item,))
-        assert bool(find_contacts(fit, {item.name: NOISE})) == (tracked is item.tracked)

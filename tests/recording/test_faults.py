@@ -15,6 +15,7 @@ from scaling_service.recording.faults import (
     leave_out_saturated,
     note_dead_channels,
     note_shaking,
+    note_uneven,
     remove_jitter,
     remove_spikes,
     repair_markers,
@@ -108,6 +109,21 @@ def test_cameras_that_shake_move_all_markers_together(tilting: bool) -> None:
 def test_recordings_of_few_frames_a_second_are_left_alone(rate: float) -> None:
     slow = replace(body(), times=body().times * 100.0 / rate, rate_hz=rate)
     assert repair_markers(slow) is slow
+
+
+@pytest.mark.parametrize("lost", ["shown again", "missing"])
+def test_pictures_that_are_shown_again_or_missing_are_no_movement(lost: str) -> None:
+    sound = body(4.0)
+    walking = sound.with_markers(sound.markers + 1.3 * sound.times[:, None, None] * np.array([1.0, 0.0, 0.0]))
+    assert note_uneven(walking) is walking
+    frames = np.arange(len(walking.times))
+    if lost == "missing":
+        frames = np.minimum(frames + 2 * (frames >= 200), frames[-1])
+    else:
+        frames[200:203] = 199
+    (note,) = note_uneven(walking.with_markers(walking.markers[frames])).repairs
+    assert (note.what, note.where, note.frames) == ("uneven", "all markers", 1)
+    assert note.off == pytest.approx(0.026 if lost == "missing" else 0.039, rel=0.1)
 
 
 def test_movement_up_to_six_hertz_is_no_shaking() -> None:

@@ -32,11 +32,8 @@ _LASTING_S = 0.2  # the longer of the times of correlation, that of moments
 def find_contacts(fit: Fit, ordinary: Mapping[str, Array]) -> list[tuple[float, Candidate]]:
     """The likeliest touches of segments in recordings, with the logarithm of their prior odds.
 
-    ``ordinary``: what is ordinary of each component (6,) in each recording, N and N m. Cameras that shake in
-    one recording make forces of any course of it, and may in others: there is none then.
+    ``ordinary``: what is ordinary of each component (6,) in each recording, N and N m.
     """
-    if any(item.shakes for item in fit.tracked):
-        return []
     found, feet = [], set(find_feet(fit.model))
     known = {e.candidate.where[0] for e in fit.effects if e.candidate.kind == KIND}  # in other recordings
     for item in fit.wrenches:

@@ -37,13 +37,13 @@ def find_swinging_skin(
     """The likeliest swing of every marker and group of markers, with its log odds.
 
     ``whites``: of every recording, with residuals (n, 3 m) less everything ordinary that lasts, no marker
-    taken for livelier than its part; how much each is, is learnt beside every candidate. Recordings in which
-    all markers tremble together, with the cameras, tell nothing of skin.
+    taken for livelier than its part; how much each is, is learnt beside every candidate. Recordings whose
+    cameras shake or miss pictures tell nothing of it.
     """
     looks = [
         _Skin.of(w, left, base, w.look.item.markers)
         for w, left in whites
-        if w.look.item.step * len(w.look.item.q) > _FEWEST_S and not w.look.item.shakes
+        if w.look.item.step * len(w.look.item.q) > _FEWEST_S and w.look.item.tells_pace
     ]
     groups = [g for segment in scene.bearing for g in scene.groups_on(segment.name)]
     if not looks or not groups:

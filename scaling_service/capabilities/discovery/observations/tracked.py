@@ -23,6 +23,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import Poses, place_tree_markers, pose_links
 from scaling_service.numerics.wrench import compute_regressor_blocks
+from scaling_service.recording.faults import OF_CAMERAS
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
@@ -101,9 +102,9 @@ class MotionFit:
         )
 
     @property
-    def shakes(self) -> bool:
-        """Whether all markers tremble together, with the cameras."""
-        return any(repair.what == "shaking" for repair in self.trial.repairs)
+    def tells_pace(self) -> bool:
+        """Whether the cameras neither shake nor miss pictures."""
+        return not any(repair.what in OF_CAMERAS for repair in self.trial.repairs)
 
     @property
     def name(self) -> str:

@@ -58,7 +58,7 @@ LIVELY = "most like {}, which leaves its place livelier than others"
 DRIFTS = "most like {}, but of a size that changes in the course of a recording"
 GROWN = "most like {}, but of a size that nobody meets"
 ONE_OF_MANY = "most like {}, and as much like several others"
-CARRIED = "most like {}, but a marker of that segment goes astray"
+CARRIED = "most like {}, but what markers of that segment do is not explained"
 MISREAD = "its readings are off as by no fault that is known; most simply, {}"
 CAMERAS = "cameras misread, as by no known fault; most simply, {}: only what is likelier than that is named"
 UNLIKE = "in {} it is off between {:.2f} and {:.2f} s by more than elsewhere, as by no touch of the body"
@@ -75,7 +75,7 @@ class Search(Naming):
     misread: list[tuple[Prior, str]] = field(default_factory=list)  # plates, and how in words
     distorted: float = -math.inf  # log odds of cameras that misread: the motion is not what was done
     jumps: list[Jump] = field(default_factory=list)
-    astray: set[str] = field(default_factory=set)  # segments and joints of markers that are lively or jump
+    astray: set[str] = field(default_factory=set)  # segments and joints of markers that are not explained
     together: dict[str, float] = field(
         default_factory=dict
     )  # log odds of touches with others of their segment
@@ -163,6 +163,7 @@ class Search(Naming):
         lively, astray = body.list_astray(_LIVELY), body.list_astray(self.settings.unexplained)
         self.jumps = list_jumps(body, self.settings.odds)
         astray |= {marker for _, marker, *_ in self.jumps}
+        astray |= {w for r in self.list_standing() if is_of_markers(r.candidate) for w in r.candidate.where}
         bearing = {m.segment for m in self.fit.model.markers if m.name in astray}
         self.astray = bearing | {s.joint_name for s in self.fit.model.segments if s.name in bearing}
         sizes, model = self.fit.by_key, self.fit.model

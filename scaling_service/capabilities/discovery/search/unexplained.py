@@ -20,6 +20,7 @@ from scaling_service.capabilities.discovery.search.gaps import (
 )
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.searching import Search
+from scaling_service.recording.faults import OF_CAMERAS, OF_PLATES
 
 _REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
 
@@ -101,12 +102,12 @@ def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str, 
     found: dict[str, tuple[tuple[str, ...], tuple[str, ...], str, float]] = {}
     for item in fit.tracked:
         for repair in item.trial.repairs:
-            if repair.what == "shaking":
+            if repair.what in OF_CAMERAS:
                 law = f"in {item.trial.name} they {repair.detail}"
-                found.setdefault(repair.where, (("markers",), item.markers, law, repair.off))
+                found.setdefault(repair.what, (("markers",), item.markers, law, repair.off))
     for forces in fit.wrenches:
         for repair in forces.contacts.ground.repairs:
-            if repair.what in ("saturated", "dead_channel"):
+            if repair.what in OF_PLATES:
                 plate, component = repair.where.split()
                 law = f"in {forces.name} it {repair.detail}"
                 found.setdefault(repair.where, ((plate,), (component,), law, repair.off))

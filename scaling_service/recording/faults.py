@@ -18,7 +18,7 @@ from scaling_service.recording.plausibility import remove_strays
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
 
 OF_CAMERAS = ("shaking", "uneven")
-"""Repairs after which a recording tells places, but no accelerations."""
+"""Repairs after which the cameras are not to be trusted."""
 
 OF_PLATES = ("dead_channel", "saturated")
 """Repairs after which what a plate bears stays unknown."""
@@ -58,10 +58,10 @@ _OF_NOISE = 5.0  # times a coordinate's noise by which such a step is too long (
 
 SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 SHAKEN_MS2 = 1.0  # chosen: RMS over the markers; a body that does so at such a pace jumps
-_OF_PLACE, _OF_WHOLE, _OVER_OTHERS = 0.85, 0.6, 10.0
-"""Share of a line's power over the lines near it that depends on the place alone, of its whole power, and how
-far what depends on the place stands above the lines near it (all chosen: in 128 real files no line of such an
-acceleration passes the last; where cameras were shaken by 2 mm, walking shows 10 to 30 and squats 400)."""
+_OF_PLACE, _OVER_OTHERS = 0.85, 10.0
+"""Share of a line's power that depends on the place alone, and how far that stands above the lines near it
+(both chosen: a runner's harmonics have 0.7 of the first; where cameras were shaken by 2 mm, walking shows 10
+to 30 of the second and squats 400)."""
 
 _NEAR, _FINER = (3.0, 15.0), 4  # widths of a line between which others are near; points of a line (chosen)
 _FASTEST, _LONGEST_S, _LEAST = 0.4, 20.0, (40, 8)  # of the frame rate; at most; frames and markers (chosen)
@@ -218,12 +218,11 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     hertz, power, of_place = hertz[some], *(np.square(np.abs(x)).sum(axis=(1, 2)) for x in (lines, shared))
     if not len(hertz):  # too few frames a second to show any shaking
         return trial
-    beside, near = _average_beside(power), _average_beside(of_place)
+    near = _average_beside(of_place)
     acceleration = np.sqrt(of_place / paths.shape[1])
     possible = (hertz >= SHAKEN_HZ) & (acceleration > SHAKEN_MS2)
     k = int(np.argmax(np.where(possible, of_place / near, 0.0)))
-    stands_out = possible[k] and of_place[k] > max(_OVER_OTHERS * near[k], _OF_WHOLE * power[k])
-    if not stands_out or of_place[k] - near[k] <= _OF_PLACE * (power[k] - beside[k]):
+    if not possible[k] or of_place[k] <= max(_OVER_OTHERS * near[k], _OF_PLACE * power[k]):
         return trial
     size = float(acceleration[k]) / (2.0 * np.pi * hertz[k]) ** 2
     detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm: the cameras or the floor shake"
@@ -254,12 +253,13 @@ def _average_beside(power: arrays.Array) -> arrays.Array:
 def note_uneven(trial: _AnyTrial) -> _AnyTrial:
     """Note that markers go on by much more from one frame to the next than before and after, as no body does.
 
-    Pictures are missing there, or the last one was shown again before. Nothing is corrected. ``trial``: in
-    any axes, m. Returns one Repair, ``uneven``; the same trial if there is none.
+    Pictures are missing there or the last one was shown again before, or a camera moved. Nothing is
+    corrected. ``trial``: in any axes, m. Returns one Repair, ``uneven``; the same trial if there is none.
     """
-    steps = np.linalg.norm(np.diff(trial.markers, axis=0), axis=2)
-    if trial.rate_hz < _SLOWEST_HZ or trial.n_frames < len(_FOURTH):
+    slow = trial.rate_hz < _SLOWEST_HZ or trial.n_frames < len(_FOURTH)
+    if slow or any(repair.what == "shaking" for repair in trial.repairs):  # which may do the same
         return trial
+    steps = np.linalg.norm(np.diff(trial.markers, axis=0), axis=2)
     rough = np.abs(scipy.ndimage.convolve1d(trial.markers, _FOURTH, axis=0))
     usual = np.full(len(steps), np.nan)  # of most markers: a few may be exchanged
     many = np.isfinite(steps).sum(axis=1) >= _LEAST[1]
@@ -272,7 +272,7 @@ def note_uneven(trial: _AnyTrial) -> _AnyTrial:
     if not at.any():
         return trial
     off = float(np.sqrt(np.square(more[at]).mean()))
-    detail = f"go on by {1e3 * off:.0f} mm more at once: pictures are missing, or shown again before"
+    detail = f"go on by {1e3 * off:.0f} mm at once: pictures are missing or came twice, or a camera was moved"
     note = Repair(what="uneven", where="all markers", detail=detail, frames=int(at.sum()), off=off)
     return replace(trial, repairs=(*trial.repairs, note))
 

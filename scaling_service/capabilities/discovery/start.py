@@ -40,7 +40,7 @@ from scaling_service.numerics.signals.splines import MIN_SAMPLES
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording import plates_feet
 from scaling_service.recording.exchanged import without_exchanges
-from scaling_service.recording.faults import FAULTS, OF_CAMERAS, OF_PLATES
+from scaling_service.recording.faults import FAULTS, OF_PLATES
 
 NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
@@ -185,28 +185,26 @@ def find_steps(forces: TrialForces, model: BodyModel) -> tuple[Step, ...]:
 
 
 def leave_out_untold(recordings: Sequence[SearchTrial]) -> tuple[tuple[SearchTrial, ...], tuple[str, ...]]:
-    """Recordings without the forces that faulty instruments leave untold, and notes.
+    """Recordings without the forces that faulty plates leave untold, and notes.
 
-    Cameras and a plate are the same in all recordings: a fault that readings show in one may hide in others.
+    A plate is the same in all recordings: a fault that its readings show in one may hide in others.
     """
-    unsteady = [r.trial.name for r in recordings if {one.what for one in r.trial.repairs} & {*OF_CAMERAS}]
     grounds = [r.contacts.ground for r in recordings if r.contacts is not None]
     repairs = (one for ground in grounds for one in ground.repairs if one.what in OF_PLATES)
     faulty = {one.where.split()[0] for one in repairs}
-    if not grounds or not (unsteady or faulty):
+    if not faulty:
         return tuple(recordings), ()
     kept = []
     for r in recordings:
         if r.contacts is not None:
             ground = r.contacts.ground
             untold = ground.in_contact()[:, [name in faulty for name in ground.plates]].any(axis=1)
-            usable = np.zeros_like(untold) if unsteady else r.contacts.usable & ~untold
-            steps = tuple(s for s in r.contacts.steps if not unsteady and s.plate not in faulty)
-            r = replace(r, contacts=replace(r.contacts, usable=usable, steps=steps))
+            steps = tuple(s for s in r.contacts.steps if s.plate not in faulty)
+            r = replace(r, contacts=replace(r.contacts, usable=r.contacts.usable & ~untold, steps=steps))
         kept.append(r)
-    of_cameras = f"{list_few(unsteady)}: the cameras tell no accelerations, so no forces were compared"
-    of_plate = f"{list_few(sorted(faulty))}: what it bears is known in no recording, and was not compared"
-    return tuple(kept), (of_cameras if unsteady else of_plate,)
+    return tuple(kept), (
+        f"{list_few(sorted(faulty))}: what it bears is known in no recording, and was not compared",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

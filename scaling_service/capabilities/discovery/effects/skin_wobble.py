@@ -37,13 +37,12 @@ def find_swinging_skin(
     """The likeliest swing of every marker and group of markers, with its log odds.
 
     ``whites``: of every recording, with residuals (n, 3 m) less everything ordinary that lasts, no marker
-    taken for livelier than its part; how much each is, is learnt beside every candidate. Recordings whose
-    cameras shake or miss pictures tell nothing of it.
+    taken for livelier than its part; how much each is, is learnt beside every candidate.
     """
     looks = [
         _Skin.of(w, left, base, w.look.item.markers)
         for w, left in whites
-        if w.look.item.step * len(w.look.item.q) > _FEWEST_S and w.look.item.tells_pace
+        if w.look.item.step * len(w.look.item.q) > _FEWEST_S
     ]
     groups = [g for segment in scene.bearing for g in scene.groups_on(segment.name)]
     if not looks or not groups:

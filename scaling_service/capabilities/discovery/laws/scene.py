@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -79,6 +79,14 @@ class Scene:
             if segment.name in wanted:
                 wanted.add(segment.parent)
         return tuple(s for s in self.model.segments if s.name in wanted)
+
+    def list_bearing(self, markers: Collection[str], *, beside: bool = False) -> set[str]:
+        """Segments that bear any of some markers, and those beside them, and the joints that move them."""
+        bearing = {m.segment for m in self.model.markers if m.name in markers}
+        if beside:
+            pairs = [(s.name, s.parent) for s in self.model.segments if s.parent != GROUND]
+            bearing |= {name for pair in pairs if bearing & {*pair} for name in pair}
+        return bearing | {s.joint_name for s in self.model.segments if s.name in bearing}
 
     @property
     def jointed(self) -> tuple[Segment, ...]:

@@ -23,7 +23,6 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import Poses, place_tree_markers, pose_links
 from scaling_service.numerics.wrench import compute_regressor_blocks
-from scaling_service.recording.faults import OF_CAMERAS
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
@@ -100,11 +99,6 @@ class MotionFit:
             task=task,
             q=solve_task(task, trial.times, _carry_over_motion(task, near)).q,
         )
-
-    @property
-    def tells_pace(self) -> bool:
-        """Whether the cameras neither shake nor miss pictures."""
-        return not any(repair.what in OF_CAMERAS for repair in self.trial.repairs)
 
     @property
     def name(self) -> str:

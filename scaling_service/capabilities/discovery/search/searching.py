@@ -45,6 +45,7 @@ from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
 from scaling_service.model.inertia import sum_mass
+from scaling_service.recording.faults import OF_CAMERAS
 
 LOAD, MASS = "carried_load", "segment_mass"
 LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)
@@ -55,10 +56,11 @@ _LIVELY = 1.645
 
 _MANY = 3  # others alike, from which what is there is not told (chosen: a person can check as many)
 LIVELY = "most like {}, which leaves its place livelier than others"
-DRIFTS = "most like {}, but of a size that changes in the course of a recording"
+DRIFTS = "most like {}, but of a size that changes in the course of a recording, or from one to another"
 GROWN = "most like {}, but of a size that nobody meets"
 ONE_OF_MANY = "most like {}, and as much like several others"
-CARRIED = "most like {}, but what markers of that segment do is not explained"
+CARRIED = "most like {}, but what markers there do is not explained"
+UNWEIGHED = "most like {}, but a plate that bears it is not explained"
 MISREAD = "its readings are off as by no fault that is known; most simply, {}"
 CAMERAS = "cameras misread, as by no known fault; most simply, {}: only what is likelier than that is named"
 UNLIKE = "in {} it is off between {:.2f} and {:.2f} s by more than elsewhere, as by no touch of the body"
@@ -73,9 +75,10 @@ class Search(Naming):
     """Labels, body and forces, one after the other."""
 
     misread: list[tuple[Prior, str]] = field(default_factory=list)  # plates, and how in words
-    distorted: float = -math.inf  # log odds of cameras that misread: the motion is not what was done
+    # log odds of cameras that misread: the motion is not what was done; infinite where readings show it
+    distorted: float = -math.inf
     jumps: list[Jump] = field(default_factory=list)
-    astray: set[str] = field(default_factory=set)  # segments and joints of markers that are not explained
+    astray: set[str] = field(default_factory=set)  # segments and joints at markers that are not explained
     together: dict[str, float] = field(
         default_factory=dict
     )  # log odds of touches with others of their segment
@@ -90,26 +93,8 @@ class Search(Naming):
         for _ in range(self.settings.most):
             found = [one for some in map_parallel(find_exchanges, self.fit.tracked) for one in some]
             ranked = sorted((Ranked(odds, c) for odds, c in found), key=lambda one: -one.odds)
-            if not self._name_first(self._track_pairs(ranked), self._refit_labels, {}):
+            if not self._name_first(ranked, self._refit_labels, {}):
                 break
-
-    def _track_pairs(self, ranked: list[Ranked]) -> list[Ranked]:
-        """With the pair first that leaves least of the first one's recording, once it is tracked with each.
-
-        A body that turned round to fit two exchanged markers wants others exchanged.
-        """
-        likely = [r for r in ranked if r.odds >= self.settings.odds and r.candidate.key not in self.refused]
-        rivals = [r for r in likely if r.candidate.trials == likely[0].candidate.trials]
-        if len(rivals) < 2:
-            return ranked
-
-        def measure_rest(one: Ranked) -> float:
-            fit = self._refit_labels((*self.fit.effects, Estimate(one.candidate, np.zeros(0))))
-            left = rms_by_place(fit, one.candidate.trials, forces=False)
-            return sum(rms**2 for rms in left.values())
-
-        best = min(rivals, key=measure_rest)
-        return [best, *(r for r in ranked if r is not best)]
 
     def _refit_labels(self, effects: Sequence[Estimate]) -> Fit:
         """From the start: the body may have turned to fit labels that were wrong."""
@@ -119,6 +104,8 @@ class Search(Naming):
 
     def search_body(self) -> BodyTable:
         """Until nothing of the body and its markers stands out; the last table."""
+        if any(repair.what in OF_CAMERAS for item in self.fit.tracked for repair in item.trial.repairs):
+            self.distorted = math.inf
         for count in range(self.settings.most + 1):
             share = LABELS + (BODY - LABELS) * count / self.settings.most
             self.steps.begin(f"looking for effect {len(self.named) + 1}", share, BODY)
@@ -129,7 +116,7 @@ class Search(Naming):
                 body = self._make_table()
             ranked = self.last["markers"] = body.rank()
             self._remember(ranked, sum(s.square for s in body.table.sums))
-            if count == self.settings.most:
+            if count == self.settings.most or self.distorted == math.inf:
                 break
             chosen = self._reorder(body, ranked)
             if self._find_distorted(body, chosen):
@@ -164,8 +151,7 @@ class Search(Naming):
         self.jumps = list_jumps(body, self.settings.odds)
         astray |= {marker for _, marker, *_ in self.jumps}
         astray |= {w for r in self.list_standing() if is_of_markers(r.candidate) for w in r.candidate.where}
-        bearing = {m.segment for m in self.fit.model.markers if m.name in astray}
-        self.astray = bearing | {s.joint_name for s in self.fit.model.segments if s.name in bearing}
+        self.astray = self.fit.scene.list_bearing(astray, beside=True)
         sizes, model = self.fit.by_key, self.fit.model
         for one in [n for n in self.named if not isinstance(n.candidate.change, Exchange)]:
             sd = list_usual_deviations(one.candidate, model) if is_of_body(one.candidate) else None
@@ -301,11 +287,13 @@ class Search(Naming):
 
         What was named after it was found in what it left, and goes with it. With what is like nothing known.
         """
-        self.withdrawn |= self.unlike
+        if self.distorted == -math.inf:
+            self.withdrawn |= self.unlike
         for (candidate, _), how in self.misread:
             self.withdrawn[candidate.key] = candidate, candidate.where, MISREAD.format(how)
         ours, sizes = [n for n in self.named if not is_of_markers(n.candidate)], self.fit.by_key
         lively = _find_lively(loads, self.settings.unexplained)
+        alike = Counter((one.candidate.kind, one.candidate.where) for one in ours)  # in one recording or more
         for k, one in enumerate(ours):
             of_forces, sd = is_of_forces(one.candidate), list_usual_deviations(one.candidate, self.fit.model)
             where: tuple[str, ...] = ()
@@ -315,7 +303,10 @@ class Search(Naming):
                 reason = GROWN
             elif lively and self._find_most(one) in lively:
                 reason = LIVELY
-            elif of_forces and sd is not None and loads.score_drift(sizes[one.key], sd) > self.settings.odds:
+            elif of_forces and (
+                (one.candidate.trials and alike[one.candidate.kind, one.candidate.where] > 1)
+                or (sd is not None and loads.score_drift(sizes[one.key], sd) > self.settings.odds)
+            ):
                 reason = DRIFTS
             elif len(one.equivalents) >= _MANY:
                 reason, where = ONE_OF_MANY, (self._find_most(one),)
@@ -328,6 +319,13 @@ class Search(Naming):
             self.fit = self._refit_forces(self.fit.without(later).effects)
             loads, self.last["wrench"] = self._rank_forces()
             break
+        unexplained = {w for _, where, _ in self.withdrawn.values() for w in where}
+        plates = tuple(plate for plate in self.fit.scene.plates if plate in unexplained)
+        weighed = [one for one in self.named if isinstance(one.candidate.change, Reweighed)] if plates else []
+        for one in weighed:
+            self._withdraw(one, UNWEIGHED, plates)
+            self.fit = self._refit_forces(self.fit.without({one.key}).effects)
+            loads, self.last["wrench"] = self._rank_forces()
         return loads.table, loads.none
 
     def _find_most(self, one: NamedEffect) -> str:

@@ -19,6 +19,7 @@ from scaling_service.capabilities.discovery.search.gaps import (
     rms_by_place,
 )
 from scaling_service.capabilities.discovery.search.markers import BodyTable
+from scaling_service.capabilities.discovery.search.naming import is_of_markers
 from scaling_service.capabilities.discovery.search.searching import Search
 from scaling_service.recording.faults import OF_CAMERAS, OF_PLATES
 
@@ -36,17 +37,20 @@ def list_unexplained(
         place: math.sqrt(np.mean([known[place][0] ** 2 for known in yardstick.values() if place in known]))
         for place in rms
     }
-    jumps = search.jumps
+    # Where the cameras are at fault, all else rests on them: only what is likelier is told
+    sound = search.distorted == -math.inf
+    jumps = [jump for jump in search.jumps if jump[0] > search.distorted]
     jumped = {j[1]: j for j in reversed(jumps)}
+    astray = body.list_astray(limit) - jumped.keys() if sound else ()
     found: list[tuple[float, tuple[str, ...], str, str]] = [
-        (math.log(body.strays[m]), (m,), m, "") for m in body.list_astray(limit) - jumped.keys()
+        (math.log(body.strays[m]), (m,), m, "") for m in astray
     ]
     for odds, marker, trial, at, size in jumped.values():
         others = sum(j[1] == marker for j in jumps) - 1
         law = f"in {trial} it jumps by {1e3 * size:.0f} mm at {at:.2f} s and stays there"
         found.append((odds, (marker,), marker, f"{law}{f'; so it does in {others} more' if others else ''}"))
     said = {where: reason.format(_call(c)) for c, where, reason in search.withdrawn.values()}
-    if forces is not None:
+    if forces is not None and sound:
         table, evidence = forces
         for k, component in enumerate(COMPONENTS):
             lively = table.rate_levels(evidence)[:, k]
@@ -64,10 +68,15 @@ def list_unexplained(
             off |= {where: size} if size else {}
     told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
     standing = list(search.withdrawn.values())
-    standing += [(one.candidate, one.candidate.where, _REFUSED) for one in search.list_standing()]
+    refused = [one for one in search.list_standing() if one.odds > search.distorted]
+    standing += [(one.candidate, one.candidate.where, _REFUSED) for one in refused]
+    # What a joint seems to do beside markers that are not explained is told with these
+    standing.sort(key=lambda one: not fit.scene.list_bearing(one[1]))
+    borne = fit.scene.list_bearing([w for _, where, *_ in found for w in where], beside=True)
     for c, where, reason in standing:
-        if not told & set(where):
+        if not (told | borne if is_of_markers(c) else told) & set(where):
             told |= set(where)
+            borne |= fit.scene.list_bearing(where, beside=True)
             every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
             if shown := [p for p in every if p in rms]:
                 most = max(shown, key=lambda p: rms[p] / floors[p])

@@ -23,6 +23,7 @@ from scaling_service.capabilities.discovery.search.naming import is_of_markers
 from scaling_service.capabilities.discovery.search.searching import Search
 from scaling_service.recording.faults import OF_CAMERAS, OF_PLATES
 
+_UNTOLD = "; of the body and the forces nothing is told until that is mended"
 _REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
 
 
@@ -112,7 +113,7 @@ def _list_faults(fit: Fit) -> list[tuple[tuple[str, ...], tuple[str, ...], str, 
     for item in fit.tracked:
         for repair in item.trial.repairs:
             if repair.what in OF_CAMERAS:
-                law = f"in {item.trial.name} they {repair.detail}"
+                law = f"in {item.trial.name} they {repair.detail}{_UNTOLD}"
                 found.setdefault(repair.what, (("markers",), item.markers, law, repair.off))
     for forces in fit.wrenches:
         for repair in forces.contacts.ground.repairs:

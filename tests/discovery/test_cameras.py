@@ -82,3 +82,17 @@ def test_a_marker_whose_place_drifts_has_no_size_that_could_be_named() -> None:
     findings = search(drift)
     assert not findings.named
     assert [u.where for u in findings.unexplained] == [["RFH"]]
+
+
+def test_a_marker_that_comes_late_makes_no_neighbour_jump() -> None:
+    def delay(trial: Trial) -> Array:
+        markers = trial.markers.copy()
+        for axis in range(3):
+            path = markers[:, trial.index("RLM"), axis]
+            path[:] = np.interp(trial.times - 0.06, trial.times, path)
+        return markers
+
+    findings = search(delay)
+    assert not findings.named
+    assert [u.where for u in findings.unexplained] == [["RLM"]]
+    assert "jumps" not in (findings.unexplained[0].law or "")

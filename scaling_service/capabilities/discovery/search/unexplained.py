@@ -71,13 +71,15 @@ def list_unexplained(
     standing = list(search.withdrawn.values())
     refused = [one for one in search.list_standing() if one.odds > search.distorted]
     standing += [(one.candidate, one.candidate.where, _REFUSED) for one in refused]
-    # What a joint seems to do beside markers that are not explained is told with these
-    standing.sort(key=lambda one: not fit.scene.list_bearing(one[1]))
-    borne = fit.scene.list_bearing([w for _, where, *_ in found for w in where], beside=True)
+    # What joints and markers seem to do beside markers that are not explained is told with these
+    scene = fit.scene
+    standing.sort(key=lambda one: not scene.list_bearing(one[1]))
+    borne = scene.list_bearing([w for _, where, *_ in found for w in where], beside=True)
     for c, where, reason in standing:
-        if not (told | borne if is_of_markers(c) else told) & set(where):
+        beside = is_of_markers(c) and borne & {*where, *scene.list_bearing(where)}
+        if not beside and not told & set(where):
             told |= set(where)
-            borne |= fit.scene.list_bearing(where, beside=True)
+            borne |= scene.list_bearing(where, beside=True)
             every = COMPONENTS if c.seen_in == "wrench" else list_shown(where, fit)
             if shown := [p for p in every if p in rms]:
                 most = max(shown, key=lambda p: rms[p] / floors[p])

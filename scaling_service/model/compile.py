@@ -8,7 +8,7 @@ that few of them remain.
 from __future__ import annotations
 
 from collections import abc
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -139,24 +139,11 @@ def compile_model(model: body.BodyModel, markers: abc.Sequence[str] | None = Non
 
 def compile_points(model: body.BodyModel, points: abc.Sequence[body.Marker]) -> tree.Tree:
     """The same with any points in place of the model's markers."""
-    return _compile_cached(_Same(model), tuple(points))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Same:
-    """A model that equals only itself: to compare all its numbers takes longer than a step of a solution."""
-
-    model: body.BodyModel
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.model is other.model
-
-    def __hash__(self) -> int:
-        return id(self.model)
+    return _compile_cached(body.Same(model), tuple(points))
 
 
 @lru_cache(maxsize=_KEPT)
-def _compile_cached(same: _Same, chosen: tuple[body.Marker, ...]) -> tree.Tree:
+def _compile_cached(same: body.Same, chosen: tuple[body.Marker, ...]) -> tree.Tree:
     model = same.model
     index = _Index(model)
     wanted = {m.segment for m in chosen}
@@ -193,11 +180,11 @@ def compile_constraints(model: body.BodyModel) -> Closure | None:
     """What poses of a model must obey beside its joints; None if there is nothing."""
     if not model.constraints:
         return None
-    return _compile_constraints(_Same(model))
+    return _compile_constraints(body.Same(model))
 
 
 @lru_cache(maxsize=_KEPT)
-def _compile_constraints(same: _Same) -> Closure:
+def _compile_constraints(same: body.Same) -> Closure:
     model = same.model
     points: list[body.Marker] = []
     meeting, apart, level = (

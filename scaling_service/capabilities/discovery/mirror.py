@@ -60,9 +60,10 @@ def _find_direction(column: Column, model: BodyModel) -> tuple[Array, bool] | No
     """Along which axis of the ground, in the neutral pose, a column moves or turns something, and which."""
     frames = pose_neutral_frames(model)
     if isinstance(column.load, Inertial):
-        change = np.array(column.load.change)
-        along = change[1:4] / np.linalg.norm(change[1:4])
-        return (frames[column.load.segment][0] @ along, False) if not change[0] else None
+        mass, *moved = column.load.change[:4]
+        if mass:
+            return None
+        return frames[column.load.segment][0] @ np.array(moved) / np.linalg.norm(moved), False
     spot = column.parts[0].spot if column.parts else None
     if not isinstance(spot, JointSpot):
         return None

@@ -8,6 +8,7 @@ knee), so that a knee whose centre glides with flexion has one length.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -39,6 +40,7 @@ _JOINTS: Mapping[str, tuple[str, str]] = {
     "elbow": ("humerus", "ulna"),
     "wrist": ("ulna", "hand"),
 }
+_KEPT = 256  # chosen: ends of all joints of some twenty models
 _WELDED_ON_M = 0.05
 """Chosen: a segment that is welded on further from the turn above than this is the next bone, as a hand is to
 a forearm that turns at the elbow; nearer, both are one joint."""
@@ -121,6 +123,12 @@ def find_joint_ends(model: body.BodyModel, joint: str, side: str) -> dict[str, A
 
     ``joint``: ``hip``, ``knee``, ``ankle``, ``shoulder``, ``elbow`` or ``wrist``.
     """
+    return dict(_find_ends_cached(body.Same(model), joint, side))
+
+
+@lru_cache(maxsize=_KEPT)
+def _find_ends_cached(same: body.Same, joint: str, side: str) -> dict[str, Array]:
+    model = same.model
     first, second = (_find_part(model, role, side) for role in _JOINTS[joint])
     if first is not None and second is not None:
         for child, parent in ((second, first), (first, second)):

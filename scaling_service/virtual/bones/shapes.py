@@ -79,14 +79,15 @@ def make_plate(corners: Array, radius: float) -> Shape:
     sides = np.roll(corners, -1, axis=0) - corners
     normal = np.cross(sides[0], sides[1])
     normal /= np.linalg.norm(normal)
+    inwards = np.cross(normal, sides)
 
     def distance(points: Array) -> Array:
         above = (points - corners[0]) @ normal
         inside = np.ones(len(points), dtype=bool)
         edge = np.full(len(points), np.inf)
-        for corner, side in zip(corners, sides, strict=True):
+        for corner, side, inward in zip(corners, sides, inwards, strict=True):
             offset = points - corner
-            inside &= offset @ np.cross(normal, side) >= 0.0
+            inside &= offset @ inward >= 0.0
             share = np.clip(offset @ side / float(side @ side), 0.0, 1.0)
             offset -= share[:, None] * side
             np.minimum(edge, _measure_length(offset), out=edge)
@@ -110,16 +111,12 @@ def make_shaft(
     All are (n_levels,), m, heights rising. ``ridge``: share by which the section is drawn out to the front
     (x) and pressed in elsewhere, threefold. ``rounding`` (m): of the edges at both ends.
     """
-    levels = np.column_stack([x, z, half_x, half_z])
+    # Values (n, m) between knots by monotone cubics, held at both ends
+    levels = scipy.interpolate.PchipInterpolator(heights, np.column_stack([x, z, half_x, half_z]))
     middle, half = 0.5 * (heights[0] + heights[-1]), 0.5 * np.ptp(heights)
 
     def distance(points: Array) -> Array:
-        # Values (n, m) between knots by monotone cubics, held at both ends
-        at = points[:, 1]
-        inside: Array = scipy.interpolate.PchipInterpolator(heights, levels)(
-            np.clip(at, heights[0], heights[-1])
-        )
-        at_x, at_z, wide, deep = inside.T
+        at_x, at_z, wide, deep = levels(np.clip(points[:, 1], heights[0], heights[-1])).T
         across, beside = (points[:, 0] - at_x) / wide, (points[:, 2] - at_z) / deep
         radius = np.hypot(across, beside)
         if ridge:

@@ -47,7 +47,7 @@ _REMEDIES: abc.Mapping[str, str] = {
     "jitter": "Look at the marker in the recording; its gaps are filled as others are",
     "merged": "Correct the trajectories; until then both are filled there as other gaps are",
     "shaking": "Mount the cameras firmly and record again; a filter saves the angles only",
-    "uneven": "Export the recording anew without repeated frames; until then speeds are wrong there",
+    "uneven": "Export it anew without repeated frames, or record again; until then speeds are wrong there",
 }
 _LOOK_THERE = "Look at these frames; correct the recording if they matter"
 _NOTHING = "Nothing is to be done"

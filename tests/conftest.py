@@ -6,8 +6,11 @@ import compileall
 import gc
 import hashlib
 import os
+import pickle
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +25,10 @@ from tests.finished import Demo, fill_once, make_once
 if TYPE_CHECKING:
     from scaling_service.bones.results import BoneLandmarks
     from scaling_service.bones.whole import Mesh
+    from scaling_service.capabilities.scaling.result import Results
+    from scaling_service.capabilities.shared.settings import Settings
+    from scaling_service.core.progress import Progress
+    from scaling_service.documents.results import TruthDocument
 
 use_one_thread()  # numpy is not imported yet
 
@@ -96,17 +103,10 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
-    """All methods on a virtual person of ``demo``, of another seed than the usual one; once in a run."""
-    from scaling_service.capabilities.scaling.run import run_demo
-    from scaling_service.capabilities.shared.settings import Settings
-
-    def make() -> Demo:
-        shares: list[tuple[str, float]] = []
-        results, truth = run_demo(Settings(seed=3), progress=lambda what, share: shares.append((what, share)))
-        return Demo(results, truth, shares)
-
-    return make_once(tmp_path_factory, "demo", make)
+def demo(demo_program: Path) -> Demo:
+    """What ``demo`` computes: all methods on a virtual person; once in a run."""
+    made: Demo = pickle.loads((demo_program / "made").read_bytes())
+    return made
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -148,12 +148,32 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def demo_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which ``scaling-service demo --out demo`` was run, what it printed in ``screen.txt``."""
-    from tests.safety.running import run_program
+    """Where ``demo --out demo`` was run; what it printed is ``screen.txt``, what it computed ``made``."""
+    from scaling_service.capabilities.scaling import run
+    from scaling_service.cli import main
+    from tests.safety.running import SCREEN
+
+    compute = run.run_demo
 
     def make(folder: Path) -> None:
-        screen = run_program(["demo", "--out", "demo"], folder)
-        (folder / "screen.txt").write_text(screen, encoding="utf-8")
+        def keep(settings: Settings, *, progress: Progress) -> tuple[Results, TruthDocument]:
+            shares: list[tuple[str, float]] = []
+
+            def tell(what: str, share: float) -> None:
+                shares.append((what, share))
+                progress(what, share)
+
+            results, truth = compute(settings, progress=tell)
+            (folder / "made").write_bytes(pickle.dumps(Demo(results, truth, shares)))
+            return results, truth
+
+        with pytest.MonkeyPatch.context() as patched, redirect_stdout(StringIO()) as screen:
+            for name, value in SCREEN.items():
+                patched.setenv(name, value)
+            patched.chdir(folder)
+            patched.setattr(run, "run_demo", keep)
+            assert main(["demo", "--out", "demo"]) == 0
+        (folder / "screen.txt").write_text(screen.getvalue(), encoding="utf-8")
 
     return fill_once(tmp_path_factory, "demo_program", make)
 

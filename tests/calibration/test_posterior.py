@@ -21,19 +21,22 @@ from tests.calibration.people import person
 from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
-FEW, MANY = 8, 24  # persons
+FEW, MANY = 5, 24  # persons
 
 
 @pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.costly)])
-def n_persons(request: pytest.FixtureRequest) -> int:
-    return int(request.param)
+def found(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, dict[str, Errors]]:
+    """Method to quantity to errors of all persons, measured once in a run."""
+    name = f"oracle_{request.param}_persons"
+    return make_once(tmp_path_factory, name, lambda: measure(range(request.param), ["MB", "MAP"]))
 
 
 @pytest.fixture(scope="module")
-def found(n_persons: int, tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Errors]]:
-    """Method to quantity to errors of all persons, measured once in a run."""
-    name = f"oracle_{n_persons}_persons"
-    return make_once(tmp_path_factory, name, lambda: measure(range(n_persons), ["MB", "MAP"]))
+def third(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
+    """The person drawn with seed 3."""
+    return make_once(tmp_path_factory, "oracle_third", lambda: calibrate(record(draw_person(3)), "MAP"))
 
 
 @pytest.mark.parametrize("length", ["shank", "inter_hip", "femur"])
@@ -50,21 +53,27 @@ QUANTITIES = ["femur", "shank", "inter_hip", "hip_flexion", "hip_adduction", "hi
 QUANTITIES += ["pelvis_tilt", "pelvis_list", "pelvis_rotation"]
 
 
+MANY_PERSONS = pytest.mark.parametrize("found", [pytest.param(MANY, marks=pytest.mark.costly)], indirect=True)
+"""Few could tell nothing of one quantity's deviations."""
+
+
+@MANY_PERSONS
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_stated_deviations_cover(found, n_persons, quantity, per_cent):
+def test_stated_deviations_cover(found, quantity, per_cent):
     """As far as so many persons can tell: an angle's error is mostly one number a person."""
     share = per_cent / 100.0
-    chance = 3.0 * np.sqrt(share * (1.0 - share) / n_persons)
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / MANY)
     assert found["MAP"][quantity].cover(per_cent) == pytest.approx(share, abs=chance)
 
 
+@MANY_PERSONS
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
-def test_stated_deviations_of_means_cover(found, n_persons, per_cent):
+def test_stated_deviations_of_means_cover(found, per_cent):
     """Over all angles of a walk: what all frames have in common counts in full."""
     covered = [errors.cover(per_cent) for name, errors in found["MAP"].items() if name.endswith(" mean")]
     share = per_cent / 100.0
-    chance = 3.0 * np.sqrt(share * (1.0 - share) / n_persons)
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / MANY)
     assert np.mean(covered) == pytest.approx(share, abs=chance)
 
 
@@ -73,23 +82,27 @@ def test_stated_deviations_cover_pooled(found, per_cent, low, high):
     assert low <= np.mean([found["MAP"][name].cover(per_cent) for name in QUANTITIES]) <= high
 
 
-def test_a_model_read_from_its_file_states_the_same():
-    person, done = draw_person(3), dict[str, Calibration]()
-    calibrate(record(person), "MAP", known=done)
-    again = from_document(json.loads(json.dumps(to_document(done["MAP"].model))))
-    walk = record(person).evaluation[0]
-    first, second = (track(model, walk).uncertainty.sd for model in (done["MAP"].model, again))
+def test_a_model_read_from_its_file_states_the_same(third):
+    again = from_document(json.loads(json.dumps(to_document(third.model))))
+    walk = record(draw_person(3)).evaluation[0]
+    first, second = (track(model, walk).uncertainty.sd for model in (third.model, again))
     np.testing.assert_allclose(second, first, rtol=1e-3)
 
 
+def learn_skin(moves: float) -> float:
+    """What is learnt of how much skin moves, of a person whose skin moves so much, in usual amounts."""
+    return calibrate(record(draw_person(3, World(skin=moves, noise_m=0.0005))), "MAP").model.posterior.skin
+
+
+@pytest.fixture(scope="module")
+def usual_skin(tmp_path_factory: pytest.TempPathFactory) -> float:
+    return make_once(tmp_path_factory, "oracle_skin", lambda: learn_skin(1.0))
+
+
 @pytest.mark.parametrize("skin", [0.3, 1.8])
-def test_how_much_skin_moves_is_learnt(skin):
+def test_how_much_skin_moves_is_learnt(skin, usual_skin):
     """Where cameras are as noisy as the estimate takes them to be; less noise is taken for less skin."""
-    levels = [
-        calibrate(record(draw_person(3, World(skin=size, noise_m=0.0005))), "MAP").model.posterior.skin
-        for size in (skin, 1.0)
-    ]
-    assert levels[0] / levels[1] == pytest.approx(skin, rel=0.15)
+    assert learn_skin(skin) / usual_skin == pytest.approx(skin, rel=0.15)
 
 
 def test_where_skin_hardly_moves_bones_are_found():
@@ -99,7 +112,7 @@ def test_where_skin_hardly_moves_bones_are_found():
         assert abs(measure_segment_lengths(model)[name] - person.lengths[name]) < 0.003
 
 
-def test_landmarks_with_names_of_their_own_are_the_same_landmarks():
+def test_landmarks_with_names_of_their_own_are_the_same_landmarks(third):
     """A laboratory's names on model and recordings: what people are like holds for places, not for names.
 
     But for the malleoli: this model has no foot, and without them no ankle.
@@ -119,12 +132,12 @@ def test_landmarks_with_names_of_their_own_are_the_same_landmarks():
         calibration=tuple(map(rename, session.calibration)),
         evaluation=tuple(map(rename, session.evaluation)),
     )
-    ours, theirs = (measure_segment_lengths(calibrate(s, "MAP").model) for s in (session, renamed))
+    ours, theirs = map(measure_segment_lengths, (third.model, calibrate(renamed, "MAP").model))
     assert theirs == pytest.approx(ours, abs=0.003)  # a head of the fibula is told by its name alone
 
 
-def test_recordings_say_more_than_people_do():
-    known = {p.name: p for p in calibrate(record(draw_person(3)), "MAP").parameters}
+def test_recordings_say_more_than_people_do(third):
+    known = {p.name: p for p in third.parameters}
     assert known["scale.tibia_r"].identifiable
     assert known["scale.tibia_r"].sd < 0.02
 

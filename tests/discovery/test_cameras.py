@@ -84,6 +84,7 @@ def test_a_marker_whose_place_drifts_has_no_size_that_could_be_named() -> None:
     assert [u.where for u in findings.unexplained] == [["RFH"]]
 
 
+@pytest.mark.costly  # its neighbours are rivals, recording by recording
 def test_a_marker_that_comes_late_makes_no_neighbour_jump() -> None:
     def delay(trial: Trial) -> Array:
         markers = trial.markers.copy()

@@ -60,6 +60,7 @@ def test_a_plate_at_fault_in_one_recording_is_so_in_all(
         assert not any(step.plate == plate for step in contacts(after).steps)
 
 
+@pytest.mark.costly  # all else of both recordings is a rival
 def test_a_plate_that_needs_another_gain_in_every_recording_has_none(laboratory: Prepared) -> None:
     made = []
     for r, factor in zip(laboratory.recordings, (1.15, 0.9), strict=True):

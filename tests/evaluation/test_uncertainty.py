@@ -62,7 +62,7 @@ def test_the_sum_of_equation_12_and_its_lines(found: SampledUncertainty) -> None
 
 
 def test_workers_change_nothing(found: SampledUncertainty) -> None:
-    few = replace(FEW, samples=4, motions=130)
+    few = replace(FEW, samples=4, motions=40)
     alone = propagate_by_samples(recording(), few)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         together = propagate_by_samples(recording(), few, executor=pool)

@@ -31,6 +31,7 @@ def false_positives(
     return tuple(found / experiments)
 
 
+@pytest.mark.costly  # two thousand draws
 def test_false_positives_are_five_percent() -> None:
     anova, t = false_positives(2000, 9, 3, WaveformSettings(rearrangements=200))
     assert anova == pytest.approx(0.05, abs=0.01)

@@ -54,6 +54,7 @@ def test_what_moves_nothing_is_undetermined_and_stays() -> None:
     assert np.isfinite(verdict.sd[0])
 
 
+@pytest.mark.costly  # four hundred draws
 def test_stated_uncertainty_covers_the_truth() -> None:
     """Draws are independent, parameters within one are not: the margin is that of the draws' mean."""
     rng = np.random.default_rng(40)

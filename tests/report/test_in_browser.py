@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.saving import save
 from scaling_service.report.onefile import BUNDLE
-from tests.finished import Demo, fill_once
 from tests.service.page.node import packages
 from tests.service.page.visitor import Visitor
 
@@ -39,13 +37,10 @@ Open = Callable[..., Visitor]
 
 
 @pytest.fixture(scope="module")
-def report(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(demo_program: Path) -> Path:
     if not (BUNDLE / "report.js").is_file():
         pytest.skip("this installation was built without the web page")
-    made = fill_once(
-        tmp_path_factory, "demo_saved", lambda folder: save(demo.results, folder, truth=demo.truth)
-    )
-    return made / "report.html"
+    return demo_program / "demo" / "report.html"
 
 
 @pytest.fixture(scope="module")

@@ -153,6 +153,7 @@ def test_models_are_traced_where_our_own_kinematics_have_them(tmp_path: Path) ->
         trace_model(tmp_path / "absent.osim")
 
 
+@pytest.mark.costly
 @needs_opensim
 def test_lengths_five_per_cent_too_long_rank_below(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On one person, scaled by the quickest method; the motion stays as it is."""

@@ -30,7 +30,7 @@ MOVING = ("hip_r", "hip_l", "knee_r", "knee_l", "gait_1", "gait_2")
 @pytest.fixture(scope="module")
 def people(tmp_path_factory: pytest.TempPathFactory) -> list[VirtualSubject]:
     return make_once(
-        tmp_path_factory, "people", lambda: [make_virtual_subject(seed, SHORT) for seed in range(200)]
+        tmp_path_factory, "people", lambda: [make_virtual_subject(seed, SHORT) for seed in range(120)]
     )
 
 

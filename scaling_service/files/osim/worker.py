@@ -93,6 +93,7 @@ def main() -> None:
         os.dup2(2, 1)
         with suppress(Exception):  # the answers say so
             library.import_opensim()
+        document.make_reader()  # before there are forks, each of which would make it
         for line in sys.stdin:
             forks = hasattr(os, "fork")
             replies.write((_fork if forks else _carry_out)(json.loads(line)) + "\n")

@@ -31,6 +31,8 @@ NOISE_DEG = 3.0
 WITHOUT_NOISE_DEG = 0.5
 COVERED = (0.90, 0.98)  # by bands of 95 %
 MODEL, WALK = "opencap_squat/manually_scaled.osim", "opencap_squat/walking1.trc"
+THINNED = slice(None, None, 2)
+"""Every second frame of the walk, as 50 Hz are enough for joints."""
 
 THEIA = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Columns: right, forward and up in OpenSim's axes of a body (forward, up, right)."""
@@ -77,13 +79,13 @@ def truth(shared_data: Path) -> Truth:
     motion = tracked.trials["walking1"].motion
     body = tracked.loaded.session.model
     default = np.array([c.default for c in body.coordinates])
-    q = np.where(np.isfinite(motion.q), motion.q, default)
+    q = np.where(np.isfinite(motion.q), motion.q, default)[THINNED]
     request = {"model": str(model), "coordinates": motion.coordinates, "q": [*q.tolist(), default.tolist()]}
     posed = ask("tests.peers.opensim_bodies", request)
     turns = {name: Rotation.from_euler("XYZ", posed["angles"][name]).as_matrix() for name in BODIES}
     return Truth(
         model=model,
-        times=motion.times,
+        times=motion.times[THINNED],
         coordinates=motion.coordinates,
         q=q,
         turns={name: turn[:-1] for name, turn in turns.items()},
@@ -275,7 +277,7 @@ def test_markers_and_poses_go_together(truth: Truth, shared_data: Path, tmp_path
     """Half of the markers beside poses with noise: better than either, as the pelvis is where markers are."""
     from scaling_service.files.recording import read_recording
 
-    trial = read_recording(shared_data / WALK)
+    trial = read_recording(shared_data / WALK).trial.frames(THINNED)
     turns = np.stack([truth.turns[name] @ THEIA for name in BODIES], axis=1)
     turns = spoil(turns, np.random.default_rng(3), NOISE_DEG, 0.0)
     origins = np.stack([truth.origins[name] for name in BODIES], axis=1)
@@ -293,25 +295,26 @@ def test_markers_and_poses_go_together(truth: Truth, shared_data: Path, tmp_path
 
 def test_sensors_beside_markers_are_mounted_by_them(truth: Truth, shared_data: Path, tmp_path: Path) -> None:
     """Two files of one name are one movement; sensors go on where markers are lost."""
-    trial = read_trc(shared_data / WALK)
+    trial = read_trc(shared_data / WALK).trial.frames(THINNED)
     markers = trial.markers.copy()
-    markers[70:] = np.nan
-    write_trc(tmp_path / "walking.trc", replace(trial.trial, markers=markers), "m")
+    markers[35:] = np.nan
+    write_trc(tmp_path / "walking.trc", replace(trial, markers=markers), "m")
     _, walking = make_sensors(truth, tmp_path, moment=1.0)
     tracked = ik(truth.model, [tmp_path / "walking.trc", walking])
     assert "sit as the markers of 'walking' show" in " ".join(tracked.loaded.session.warnings)
     error, sd, names = compare(tracked, truth)
     legs = [k for k, name in enumerate(names) if name.startswith(("hip", "knee", "ankle", "pelvis"))]
     assert np.isfinite(error[:, legs]).all()  # without sensors nothing is known after the markers are lost
-    assert np.sqrt(np.mean(np.square(error[70:, legs]))) < NOISE_DEG
-    assert (np.abs(error) < 1.96 * sd)[70:, legs].mean() > COVERED[0]
+    assert np.sqrt(np.mean(np.square(error[35:, legs]))) < NOISE_DEG
+    assert (np.abs(error) < 1.96 * sd)[35:, legs].mean() > COVERED[0]
 
 
 def test_a_world_of_sensors_that_was_reset_between_recordings(
     truth: Truth, shared_data: Path, tmp_path: Path
 ) -> None:
     """With markers beside them each recording tells its own heading; without, it is the pelvis's alone."""
-    trial, parts = read_trc(shared_data / WALK), {"first": slice(0, 65), "second": slice(65, None)}
+    trial = read_trc(shared_data / WALK).trial.frames(THINNED)
+    parts = {"first": slice(0, 33), "second": slice(33, None)}
     found = {}
     for reset_deg in (0.0, 90.0):
         folder = tmp_path / f"{reset_deg:.0f}"
@@ -327,7 +330,7 @@ def test_a_world_of_sensors_that_was_reset_between_recordings(
             write_orientations(
                 folder / f"{name}.sto", truth.times[rows], list(held.labels), held.matrices[rows]
             )
-            write_trc(folder / f"{name}.trc", trial.trial.frames(rows), "m")
+            write_trc(folder / f"{name}.trc", trial.frames(rows), "m")
             files += [folder / f"{name}.trc", folder / f"{name}.sto"]
         beside, alone = ik(truth.model, files), ik(truth.model, files[1::2], standing=standing)
         found[reset_deg] = [each.trials["second"].motion for each in (beside, alone)]

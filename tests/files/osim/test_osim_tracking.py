@@ -30,14 +30,14 @@ that two poses of the foot follow it almost alike."""
     [
         pytest.param("MB_lam", {}, 12, marks=pytest.mark.costly),
         pytest.param("EB_am", {}, 12, marks=pytest.mark.costly),
-        ("EB", GAIT2354, None),
+        ("EB", GAIT2354, 40),
     ],
     ids=["MB_lam-rajagopal", "EB_am-rajagopal", "EB-gait2354"],
 )
 def test_opensim_follows_the_markers_as_closely(
     method: str,
     model: dict[str, str],
-    n_frames: int | None,
+    n_frames: int,
     shared_data: Path,
     tmp_path: Path,
 ) -> None:

@@ -72,7 +72,7 @@ class Walk:
 
 
 def test_no_walk_of_two_runners_loses_or_doubles_a_job(sqlite_store: Store) -> None:
-    @settings(max_examples=60, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=30, suppress_health_check=list(HealthCheck))
     @given(steps=st.lists(STEPS, min_size=30, max_size=60))
     def walks(steps: list[tuple[str, int]]) -> None:
         walk = Walk(sqlite_store)

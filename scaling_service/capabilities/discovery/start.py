@@ -24,7 +24,7 @@ from scaling_service.capabilities.kinetics.forces import (
 )
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core.arrays import Mask
 from scaling_service.core.errors import ModelRefused, TrialUnusable
 from scaling_service.core.progress import Progress

@@ -23,7 +23,8 @@ from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
-from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import progress as progressing
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.results import TruthDocument

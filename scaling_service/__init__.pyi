@@ -22,7 +22,7 @@ from scaling_service.capabilities.scaling.run import scale as scale
 from scaling_service.capabilities.scaling.saving import save as save
 from scaling_service.capabilities.shared.settings import CalibrationSettings as CalibrationSettings
 from scaling_service.capabilities.shared.settings import Settings as Settings
-from scaling_service.capabilities.subject.loading import read_model as read_model
+from scaling_service.capabilities.subject.files import read_model as read_model
 from scaling_service.capabilities.subject.reading import load_subject as load_subject
 from scaling_service.core.errors import InputError as InputError
 from scaling_service.files.recording import read_recording as read_recording

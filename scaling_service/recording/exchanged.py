@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import Relabelling, Repair, Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
@@ -248,14 +249,16 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> abc.Iterat
             yield last
 
 
-def without_exchanges(
-    trials: abc.Sequence[Trial], clusters: Clusters
-) -> tuple[tuple[Trial, ...], tuple[str, ...]]:
-    """The trials without labels while these stand for each other, and a sentence for each time they do.
+def without_exchanges(session: Session) -> tuple[Session, tuple[str, ...]]:
+    """The session without labels while these stand for each other, and a sentence for each time they do.
 
-    ``trials``: in m, before gaps are filled; each is held against the others, a single one against itself.
+    Of its movements, in m, before gaps are filled; each is held against the others, a single one against
+    itself.
     """
-    kept, said = [], []
+    trials, kept, said = session.dynamic, dict[str, Trial](), list[str]()
+    clusters: dict[str, list[str]] = {}
+    for marker in session.model.markers:
+        clusters.setdefault(marker.segment, []).append(marker.name)
     for trial in trials:
         usual = measure_shape([other for other in trials if other is not trial] or [trial], clusters)
         markers = trial.markers.copy()
@@ -265,8 +268,13 @@ def without_exchanges(
             markers[np.ix_(inside, columns)] = np.nan
             span = f"from {wrong.start_s:.2f} to {wrong.end_s:.2f} s"
             said.append(f"{trial.name}: the labels {' and '.join(wrong.labels)} look exchanged {span}")
-        kept.append(dataclasses.replace(trial, markers=markers))
-    return tuple(kept), tuple(said)
+        kept[trial.name] = dataclasses.replace(trial, markers=markers)
+    if not said:
+        return session, ()
+    calibration, evaluation = (
+        tuple(kept[trial.name] for trial in some) for some in (session.calibration, session.evaluation)
+    )
+    return dataclasses.replace(session, calibration=calibration, evaluation=evaluation), tuple(said)
 
 
 _Kind = TypeVar("_Kind", bound=Trial)

@@ -12,12 +12,12 @@ from scaling_service.capabilities.subject.checks import (
     refuse_one_spot,
     refuse_repeated,
     require_landmarks,
-    require_measurements,
 )
 from scaling_service.capabilities.subject.reading import hash_input_files, load_subject
 from scaling_service.core.errors import InputError, MarkerMissing, SubjectInvalid, TrialUnusable
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
+from scaling_service.recording.scale_setup import require_measurements
 from tests.jobs.laboratory import document, known_person, laboratory, write_subject
 
 SESSION = known_person(0.3).session

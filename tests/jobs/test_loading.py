@@ -10,7 +10,9 @@ import pytest
 
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.axes import agree_on_axes
-from scaling_service.capabilities.subject.loading import Loaded, load, read_files, read_model
+from scaling_service.capabilities.subject.files import read_files, read_model
+from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid, blame_file
 from scaling_service.files.trc import write_trc

@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.kinetics.forces import gather_movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.model import body

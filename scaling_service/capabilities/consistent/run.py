@@ -17,7 +17,8 @@ from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared import settings as shared_settings
-from scaling_service.capabilities.subject import loading
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import progress as progressing
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
@@ -55,7 +56,7 @@ def consistent(
     """
     clock = time.perf_counter()
     report = progress or progressing.show_nothing
-    loaded = loading.open_subject(subject, settings, facing=True)
+    loaded = open_subject(subject, settings, facing=True)
     with loaded.blame_files():
         ready = read(loaded, chosen, settings, progress=progressing.report_part(report, 0.0, _PREPARING))
         found = identify(
@@ -137,7 +138,7 @@ class Ready:
 
 
 def read(
-    loaded: loading.Loaded,
+    loaded: Loaded,
     chosen: ForceSettings,
     settings: shared_settings.Settings,
     *,

@@ -17,7 +17,8 @@ from scaling_service.capabilities.discovery.search.naming import Origin
 from scaling_service.capabilities.discovery.start import PLAIN_METHODS, prepare
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.model.subject import Subject
 from scaling_service.virtual.example import RECORDED, make_hidden_session

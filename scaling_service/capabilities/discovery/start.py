@@ -24,7 +24,7 @@ from scaling_service.capabilities.kinetics.forces import (
 )
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core.arrays import Mask
 from scaling_service.core.errors import ModelRefused, TrialUnusable
 from scaling_service.core.progress import Progress
@@ -241,9 +241,10 @@ def prepare(
     """
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
-    sound, exchanged = _without_exchanges(loaded)
+    # A scaling that fits marker places would take exchanged labels for skin.
+    sound, exchanged = without_exchanges(session)
     plain = PLAIN_METHODS[session.images is not None]
-    start = scale_model(sound, chosen.start or plain, settings, progress=progress)
+    start = scale_model(replace(loaded, session=sound), chosen.start or plain, settings, progress=progress)
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)
@@ -293,20 +294,3 @@ def prepare(
         calibration=start.calibration,
         notes=tuple(dict.fromkeys(notes)),
     )
-
-
-def _without_exchanges(loaded: Loaded) -> tuple[Loaded, tuple[str, ...]]:
-    """What was read, without exchanged labels: a scaling that fits marker places would take them for skin."""
-    session = loaded.session
-    clusters: dict[str, list[str]] = {}
-    for marker in session.model.markers:
-        clusters.setdefault(marker.segment, []).append(marker.name)
-    trials, said = without_exchanges(session.dynamic, clusters)
-    if not said:
-        return loaded, ()
-    by_name = {trial.name: trial for trial in trials}
-    calibration, evaluation = (
-        tuple(by_name[trial.name] for trial in some) for some in (session.calibration, session.evaluation)
-    )
-    session = replace(session, calibration=calibration, evaluation=evaluation)
-    return replace(loaded, session=session), said

@@ -12,7 +12,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared import names
 from scaling_service.capabilities.shared import settings as shared_settings
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.options import Options

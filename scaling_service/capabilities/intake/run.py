@@ -23,7 +23,8 @@ from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import reading
 from scaling_service.capabilities.subject.checks import require_landmarks
-from scaling_service.capabilities.subject.loading import load, read_files, read_model
+from scaling_service.capabilities.subject.files import read_files, read_model
+from scaling_service.capabilities.subject.loading import load
 from scaling_service.core import errors
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.text import list_few

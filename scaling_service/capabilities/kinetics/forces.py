@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.files.forces import read_forces

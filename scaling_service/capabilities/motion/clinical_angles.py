@@ -63,8 +63,12 @@ def find_clinical_landmarks(model: body.BodyModel) -> dict[str, body.Marker]:
 
     Returns landmark to a marker at its place on a segment; without those that the model does not have.
     """
+    names = (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG))
+    own = {n: next((m for m in model.markers if _is_landmark(m.name, n)), None) for n in names}
+    shanks = {letter: lengths.find_segment(model, "tibia", letter.lower()) for letter in "RL"}
+    centres = lengths.find_joint_centres(model)
     straight = {c.name: 0.0 for c in model.coordinates if c.kind == "rotation"}
-    frames, values = posing.pose_neutral_frames(model, straight), posing.list_model_values(model)
+    values, frames = posing.list_model_values(model), posing.pose_neutral_frames(model, straight)
 
     def place(segment: str, local: Array) -> _Place:
         rotation, origin = frames[segment]
@@ -72,17 +76,16 @@ def find_clinical_landmarks(model: body.BodyModel) -> dict[str, body.Marker]:
 
     places = {
         f"{name[-1].upper()}{_CENTRES[name[:-2]]}": place(segment, np.array(at))
-        for name, (segment, at) in lengths.find_joint_centres(model).items()
+        for name, (segment, at) in centres.items()
         if name[:-2] in _CENTRES
     }
-    for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
-        found = next((m for m in model.markers if _is_landmark(m.name, name)), None)
-        if found is not None:
-            places[name] = place(found.segment, posing.evaluate_marker(found, values))
-    for letter in "RL":
+    for name, marker in own.items():
+        if marker is not None:
+            places[name] = place(marker.segment, posing.evaluate_marker(marker, values))
+    for letter, shank in shanks.items():
         places |= _place_beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
         places |= _place_beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
-        places |= _place_knee_axis(places, letter, lengths.find_segment(model, "tibia", letter.lower()))
+        places |= _place_knee_axis(places, letter, shank)
         places |= _place_foot_line(places, letter)
     placed = {}
     for name, (segment, point) in places.items():
@@ -282,8 +285,8 @@ def compute_clinical_rates(
     """
     placed = find_clinical_landmarks(model)
     names = tuple(placed)
-    carrier = model.with_markers(tuple(placed.values()))
-    tree, p = compiling.compile_model(carrier, names), compiling.list_parameter_values(carrier)
+    tree = compiling.compile_points(model, list(placed.values()))
+    p = compiling.list_parameter_values(model)
 
     def compute_angles(where: Array) -> dict[tuple[anatomy_frames.Side, str], Array]:
         points = {name: where[k].T for k, name in enumerate(names)}

@@ -11,13 +11,13 @@ from collections import abc
 from dataclasses import replace
 
 import numpy as np
-import scipy
-from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
 from scaling_service.capabilities.motion.everyday import follow_everyday
+from scaling_service.capabilities.motion.residuals import make_motion
 from scaling_service.capabilities.motion.solving import (
     ROUGH,
     follow_neighbours,
@@ -26,7 +26,6 @@ from scaling_service.capabilities.motion.solving import (
     solve_from,
 )
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
 from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
@@ -34,13 +33,10 @@ from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import problem
 from scaling_service.numerics.multibody import sweep
-from scaling_service.numerics.multibody.closure import CLOSED
-from scaling_service.numerics.multibody.tree import pose_markers
 
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = sweep.SweepSettings(close=True)
-_FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 
 
 def inverse_kinematics(
@@ -116,19 +112,24 @@ def follow_task(
     """
     solution = solve_task(task, trial.times, start, progress)
     q = follow_everyday(task.model, trial, solution.q) if everyday else solution.q
-    return q, _make_motion(task, trial, q, solution.steps)
+    return q, make_motion(task, trial, q, solution.steps)
 
 
 def solve_task(
     task: Task, times: Array, start: Array | None = None, progress: abc.Callable[[int], None] | None = None
 ) -> sweep.MotionSolution:
-    """The coordinates alone; see :func:`inverse_kinematics`.
+    """The coordinates alone; see :func:`inverse_kinematics`."""
+    if start is None:
+        return _solve_anew(task, times, progress)
+    return solve_from(task, start, progress=progress)
+
+
+def _solve_anew(task: Task, times: Array, progress: abc.Callable[[int], None] | None) -> sweep.MotionSolution:
+    """From a guess of where the root is, coarse to fine.
 
     The first solution keeps to the ranges that the model declares, whether or not they bind: an
     elbow bent backwards with a twisted arm can follow its markers nearly as well as a real one.
     """
-    if start is not None:
-        return solve_from(task, start, progress=progress)
     neutral = compiling.repeat_default_pose(task.model, 1)[0]
     stride = 1
     if len(times) >= _SHORT:
@@ -147,61 +148,23 @@ def solve_task(
         kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
         rows, part, found = rows[kept], part.in_frames(kept), found.frames(kept)
     found = free_trapped(found, part, ROUGH)
-    if task.closure is not None:  # a loop of joints keeps to one of the ways in which it closes, as a whole
-        close = found.q if stride == 1 else _interpolate(times, rows, np.unwrap(found.q, axis=0))
-        fine = free_trapped(solve_from(task, close, settings=_FINE, progress=progress), task)
-        return follow_neighbours(fine, task, times)
-    # The frames as they were found, or sought again from many starts where something speaks against them
-    joined = join_branches(task.tree, found.q, ranges, ranges, neutral)
-    doubts = motion_doubts.find_held(part, found.q) | motion_doubts.find_outlying(part, found)
-    doubts |= motion_doubts.find_far(part, found.q)
-    jumps = motion_doubts.find_jumps(part, times[rows], joined)
-    if jumps.any() or (doubts.any() and restarts.confirm_doubts(part, found, doubts)):
-        found = restarts.choose_minima(part, times[rows], found, doubts | jumps)
+    looped = task.closure is not None
+    if looped:  # a loop of joints keeps to one of the ways in which it closes, as a whole
+        joined = found.q if stride == 1 else np.unwrap(found.q, axis=0)
+    else:
+        # The frames as they were found, or sought again from many starts where something speaks against them
         joined = join_branches(task.tree, found.q, ranges, ranges, neutral)
-    close = joined if stride == 1 else _interpolate(times, rows, joined)
-    fine = free_trapped(solve_from(task, close, settings=_FINE, progress=progress), task)
+        doubts = motion_doubts.find_held(part, found.q) | motion_doubts.find_outlying(part, found)
+        doubts |= motion_doubts.find_far(part, found.q)
+        jumps = motion_doubts.find_jumps(part, times[rows], joined)
+        if jumps.any() or (doubts.any() and restarts.confirm_doubts(part, found, doubts)):
+            found = restarts.choose_minima(part, times[rows], found, doubts | jumps)
+            joined = join_branches(task.tree, found.q, ranges, ranges, neutral)
+    # The coarse motion at all times, by cubic splines
+    close = joined if stride == 1 else CubicSpline(times[rows], joined, bc_type="natural")(times)
+    fine = solve_from(task, close, settings=_FINE, progress=progress)
+    fine = free_trapped(fine, task)
+    if looped:
+        return follow_neighbours(fine, task, times)
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, ranges, neutral))
     return steady.hold_steady(task, times, fine)
-
-
-def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
-    """The coarse motion, written without jumps, at all times, by cubic splines."""
-    return np.asarray(scipy.interpolate.CubicSpline(times[rows], q, bc_type="natural")(times))
-
-
-def _make_motion(task: Task, trial: Trial, q: Array, steps: NDArray[np.intp]) -> Motion:
-    """The motion that coordinates are, with what they leave unexplained and what is not determined."""
-    residual = np.empty(task.measured.shape)
-    for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
-        residual[rows] = task.measured[rows] - pose_markers(task.tree, q[rows], task.p)
-    known = find_determined(task, q)
-    if task.closure is not None:
-        known &= np.abs(task.closure.evaluate(q, task.p)).max(axis=1, keepdims=True) <= CLOSED
-    else:
-        known &= task.ranges.shown
-    sometimes = np.asarray(known.any(axis=0))
-    names = task.model.coordinate_names
-    # Tips of directions say by how much a rotation is missed; they are no markers.
-    points = np.array([not task.model.marker(name).is_direction for name in task.markers], dtype=bool)
-    # How far each measured rotation is from the model's, (n_frames,), rad; see `motion/mounting.py`.
-    turns: list[tuple[str, Array]] = []
-    own = [name for name in task.markers if task.model.marker(name).is_direction]
-    for label in dict.fromkeys(name.rpartition("@")[0] for name in own):
-        tips = [k for k, name in enumerate(task.markers) if name in own and name.rpartition("@")[0] == label]
-        arm = float(np.linalg.norm(task.model.marker(task.markers[tips[0]]).nominal))
-        gap = np.linalg.norm(residual[:, tips].reshape(len(residual), -1), axis=1)
-        turns.append((label, 2.0 * np.arcsin(np.minimum(gap / (np.sqrt(8.0) * arm), 1.0))))
-    return Motion(
-        trial=trial.name,
-        times=trial.times,
-        coordinates=names,
-        q=np.where(known | ~sometimes, q, np.nan),
-        markers=tuple(name for name, point in zip(task.markers, points, strict=True) if point),
-        residuals=residual[:, points],
-        turns=dict(turns),
-        estimated=tuple(
-            n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free
-        ),
-        iterations=int(steps.max(initial=0)),
-    )

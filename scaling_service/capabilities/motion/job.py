@@ -93,7 +93,7 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions
     from scaling_service.capabilities.shared.tables import make_table_writer
-    from scaling_service.capabilities.subject.loading import read_model
+    from scaling_service.capabilities.subject.files import read_model
 
     write_tables = make_table_writer(request.tables, outputs)
     folder = inputs / request.subject

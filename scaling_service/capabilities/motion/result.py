@@ -19,7 +19,7 @@ from scaling_service.capabilities.motion.document import (
 )
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.subject import loading
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.model import body
@@ -66,7 +66,7 @@ class Tracked:
     50.0
     """
 
-    loaded: loading.Loaded
+    loaded: Loaded
     trials: abc.Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0

@@ -19,7 +19,8 @@ from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import loading
+from scaling_service.capabilities.subject.files import read_files
+from scaling_service.capabilities.subject.loading import load
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, blame_file
 from scaling_service.core.notes import Note
@@ -148,8 +149,8 @@ def ik(
     processing = ProcessingSettings.smoothed(options.smooth_hz)
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blame_file(None, files):
-        read = loading.read_files(places)
-        loaded = replace(loading.load(places, read, settings, standing=not options.angles), file=subject_file)
+        read = read_files(places)
+        loaded = replace(load(places, read, settings, standing=not options.angles), file=subject_file)
         session, found = loaded.session, {}
         trials, mounted = join_recordings(session.evaluation), None
         if any(trial.rotations is not None for trial in trials):

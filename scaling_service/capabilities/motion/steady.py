@@ -10,9 +10,9 @@ import scipy
 from scaling_service.capabilities.motion import branches, doubts
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.core.arrays import Array, Mask
+from scaling_service.capabilities.motion.uncertainty import estimate_noise_variance
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody import sweep
-from scaling_service.numerics.multibody.tree import compute_marker_rates
 from scaling_service.numerics.signals.filters import find_runs
 
 COARSE_S = 0.08
@@ -23,7 +23,6 @@ _DEARER = 1.25  # chosen: times its cost that a frame held steady may have; nois
 _SURE = 5.0  # chosen: SDs of a camera's noise, along what it turns at will, that are no disagreement
 _STEADY = sweep.SweepSettings(max_steps=2, close=True)
 _LOOK = sweep.SweepSettings(max_steps=1)  # what a pose costs, but for one step
-_WHOLE_TURN = 2.0 * np.pi  # rad: nothing is less sure than that
 
 
 def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.MotionSolution:
@@ -43,7 +42,9 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
     step = float(np.median(np.diff(times)))
     moving = task.free & np.isin(np.arange(len(task.free)), task.tree.rotations)
     loose = np.zeros(len(jumps), dtype=bool)
-    loose[jumps] = _find_loose(task.in_frames(jumps), found.q[jumps], moving, doubts.FASTEST * step / 3.0)
+    limit = doubts.FASTEST * step / 3.0  # rad: what noise alone turns by more is hardly told
+    variance = estimate_noise_variance(task.in_frames(jumps), found.q[jumps], doubts.CAMERA_M)
+    loose[jumps] = (variance[:, moving[task.free]] > limit**2).any(axis=1)
     if not loose.any():
         return found
     around = np.ones(2 * max(1, round(COARSE_S / step)) + 1, dtype=bool)
@@ -78,13 +79,3 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
         near &= ~likelier
     return found
-
-
-def _find_loose(task: Task, q: Array, moving: Mask, limit: float) -> Mask:
-    """Whether a camera's noise alone turns one of the joints by more than a limit (rad), (n_frames,)."""
-    heavy = np.repeat(np.where(task.shown, np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
-    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
-    ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
-    variance = doubts.CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
-    return np.asarray((variance[:, moving[task.free]] > limit**2).any(axis=1))

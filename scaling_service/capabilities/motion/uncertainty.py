@@ -43,6 +43,7 @@ _PRIOR_FREEDOM = 30.0  # chosen: below about ten frames a marker's own residuals
 _MIXING = 0.1  # chosen: combinations of markers that share a residual this much cannot be told apart
 _RIDGE = 1e-13  # share of the largest curvature: keeps a singular pose from stopping all others
 _NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differencing leaves
+_WHOLE_TURN = 2.0 * np.pi  # rad: no camera's noise leaves more open
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 
 _NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
@@ -276,6 +277,18 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
         np.vstack([shares, _MIXING * np.eye(count)]), np.concatenate([own, _MIXING * own])
     )
     return np.asarray(np.maximum(apart / task.weights, _RESOLUTION_M**2))
+
+
+def estimate_noise_variance(task: Task, q: Array, noise: float) -> Array:
+    """Variance of each free coordinate where nothing but the cameras' ``noise`` (m) errs, (n_frames, n_free).
+
+    ``q`` (n_frames, n_coordinates). In rad2 or m2: a coordinate that nothing tells is unsure by a whole turn.
+    """
+    heavy = np.repeat(np.where(task.shown, np.sqrt(task.weights), 0.0), 3, axis=1)
+    rates = trees.compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
+    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+    ridge = (noise / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
+    return np.asarray(noise**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge)))
 
 
 def find_determined(task: Task, q: Array) -> Mask:

@@ -24,7 +24,7 @@ from scaling_service.capabilities.scaling.muscles.compare import MuscleCompariso
 from scaling_service.capabilities.scaling.muscles.surface import MovedAttachments
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.results import VerdictDocument
 from scaling_service.model.results import Calibration, Motion

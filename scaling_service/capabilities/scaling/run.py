@@ -10,15 +10,12 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from scaling_service.capabilities.motion import run as runs
-from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.motion.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.run import follow_rotations
 from scaling_service.capabilities.motion.stops import describe_stops
 from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.departures import state_departures
+from scaling_service.capabilities.scaling.following import FITTING, follow_trials
 from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
@@ -26,7 +23,8 @@ from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
-from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import progress as progressing
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.results import TruthDocument
@@ -35,14 +33,12 @@ from scaling_service.model import builtin
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.freed import hold_markers
-from scaling_service.model.results import Calibration, Motion
+from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scale_model
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.example import make_demo_session
 
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
-_FITTING = 0.6  # chosen: about the share of the fit in one method's time
 
 _BONES = 0.3  # chosen: about the share of making bones and reading their landmarks in the whole
 _STEPS = 10  # of five bones: making them, finding their landmarks
@@ -171,10 +167,8 @@ def run(
             found = table.calibrate(
                 session, method, settings.calibration, calibrations, _report_steps(part, method)
             )
-            scalings[method] = _evaluate(with_mass(found, session), session, part)
-            followed, notes = runs.follow_rotations(
-                scalings[method].calibration.model, session, turned=turned
-            )
+            scalings[method] = follow_trials(with_mass(found, session), session, part)
+            followed, notes = follow_rotations(scalings[method].calibration.model, session, turned=turned)
             scalings[method] = replace(scalings[method], followed=followed)
             warnings = tuple(dict.fromkeys((*warnings, *map(str, notes))))
             if options.muscle_points == "surface":
@@ -304,44 +298,9 @@ def _report_steps(part: progressing.Progress, method: str) -> abc.Callable[[int,
     """Steps of a fit as progress: how many are needed is not known, so each adds less."""
 
     def step(number: int, _cost: float) -> None:
-        part(f"{method}: fitting, step {number}", _FITTING * (1.0 - 0.9**number))
+        part(f"{method}: fitting, step {number}", FITTING * (1.0 - 0.9**number))
 
     return step
-
-
-def _evaluate(
-    calibration: Calibration, session: subjects.Session, part: progressing.Progress
-) -> result.Scaling:
-    clock = time.perf_counter()
-    motions: dict[str, Motion] = {}
-    angle_sds: dict[str, dict[str, float]] = {}
-    deviations: dict[str, Array] = {}
-    trials = session.dynamic
-    for k, trial in enumerate(trials):
-        part(f"{calibration.method}: following {trial.name}", _FITTING + (1.0 - _FITTING) * k / len(trials))
-        if calibration.model.posterior is None:
-            motions[trial.name] = inverse_kinematics(calibration.model, trial)
-            continue
-        tracked = runs.track(calibration.model, trial)
-        motions[trial.name] = tracked.motion
-        # Joint angle to its root mean square deviation over the frames that determine it, rad
-        found = {}
-        for name in geometry.list_joint_angles(calibration.model):
-            sd = tracked.uncertainty.sd[:, tracked.motion.coordinates.index(name)]
-            known = sd[np.isfinite(sd) & (sd > 0.0)]
-            if len(known):
-                found[name] = float(np.sqrt(np.mean(known**2)))
-        angle_sds[trial.name] = found
-        deviations[trial.name] = tracked.uncertainty.sd
-    return result.Scaling(
-        calibration=calibration,
-        motions=motions,
-        errors={name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
-        geometry=geometry.measure_geometry(calibration),
-        angle_sds=angle_sds,
-        deviations=deviations,
-        inverse_kinematics_s=time.perf_counter() - clock,
-    )
 
 
 def with_mass(calibration: Calibration, session: subjects.Session) -> Calibration:

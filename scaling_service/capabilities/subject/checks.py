@@ -8,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.subject.understanding import Understood
 from scaling_service.core import errors, notes
 from scaling_service.core.text import list_few
 from scaling_service.model import body
 from scaling_service.model import subject as subjects
+from scaling_service.model.anatomy.key_points import tell_key_points
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.recording import findings, person
 from scaling_service.recording.faults import FAULTS
 
 SAME_M = 1e-5
@@ -23,8 +25,6 @@ recordings of a person agree so well)."""
 
 ONE_SPOT_M = 1e-3
 """Two markers nearer than this are one marker with two labels (chosen: the smallest balls measure 3 mm)."""
-
-_MARGIN_S = 1e-9  # as calibration takes the frames of a time range
 
 NEEDED_TOGETHER = (("RLFE", "RMFE"), ("LLFE", "LMFE"), ("RLM", "RMM"), ("LLM", "LMM"))
 """Where the second is labelled and the first is not, the first has an unknown name; no laboratory marks the
@@ -65,6 +65,33 @@ _STANDS_IN: abc.Mapping[str, tuple[str, ...]] = {
 
 _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
+
+
+def question(understood: Understood, model: body.BodyModel) -> tuple[notes.Note, ...]:
+    """What to tell of the recordings, and what they show that those of one sound person do not.
+
+    Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
+    NotAPerson: a finding beyond doubt.
+    """
+    subject = understood.subject
+    trials = {path: trial for path, trial in understood.trials.items() if trial.labels}
+    if not trials:
+        return ()
+    marked = list(trials.values())
+    given = findings.Recordings(
+        trials=marked,
+        clusters=understood.clusters,
+        static=trials[subject.static].name if subject.static in trials else None,
+        stated=findings.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+        model=model,
+    )
+    for trial in marked:
+        refuse_one_spot(model, trial)
+    refuse_repeated(trials, subject)
+    found = findings.refuse(person.ask(given))
+    summary = summarise_recordings(model, subject, marked)
+    of_video = tell_key_points(model, [label for trial in marked for label in trial.shown_labels])
+    return (*(of_video or summary), *found)
 
 
 def refuse_repeated(trials: abc.Mapping[Path, Trial], subject: subjects.Subject) -> None:
@@ -140,68 +167,6 @@ def require_landmarks(session: subjects.Session) -> None:
             # Those that mean nothing to the model first: the one that is looked for is among them.
             present = sorted(trials[0].labels, key=lambda label: label in known)
             raise errors.MarkerMissing(ours[landmark], trials[0].name, present)
-
-
-def require_measurements(
-    setup: subjects.ScaleSetup, model: body.BodyModel, trial: Trial, file: Path
-) -> abc.Iterator[notes.Note]:
-    """Refuse a scale set-up whose measurements cannot be taken, and say what it scales without effect.
-
-    ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
-    measurement's marker is not in the model or never seen, or the time range holds no frame.
-    """
-    if setup.time_range is None:
-        rows = slice(None)
-    else:
-        start, end = setup.time_range
-        if start > trial.times[-1] + _MARGIN_S or end < trial.times[0] - _MARGIN_S:
-            raise errors.TrialUnusable(
-                f"trial '{trial.name}' lasts from {trial.times[0]:g} to {trial.times[-1]:g} s and has no "
-                f"frame between {start:g} and {end:g} s",
-                file=file,
-                field="ModelScaler.time_range",
-                remedy="Correct the time range in the scale set-up",
-            )
-        first, last = np.searchsorted(trial.times, (start - _MARGIN_S, end + _MARGIN_S))
-        rows = slice(int(first), max(int(last), int(first) + 1))
-    for measurement in setup.measurements:
-        for pair in measurement.pairs:
-            _require_pair(pair, measurement, model, trial.frames(rows), file)
-    scaled = [*(s for m in setup.measurements for s in m.axes), *setup.manual]
-    unknown = [name for name in dict.fromkeys(scaled) if name not in model.segment_names]
-    if unknown:
-        yield notes.Note(
-            code="scaled_unknown",
-            problem=f"{file.name} scales {list_few(unknown)}, which the model does not have: "
-            "that was left out",
-            remedy="Correct the scale set-up if it matters",
-        )
-
-
-def _require_pair(
-    pair: abc.Sequence[str],
-    measurement: subjects.Measurement,
-    model: body.BodyModel,
-    trial: Trial,
-    file: Path,
-) -> None:
-    for name in pair:
-        if name not in model.marker_names:
-            raise errors.TrialUnusable(
-                f"it uses marker '{name}', which the model does not have",
-                file=file,
-                field=f"measurement {measurement.name}",
-                remedy="Give the marker set that belongs to the set-up under `marker_set:`",
-            )
-        trial.index(name)
-    if not (find_seen(trial.position(pair[0])) & find_seen(trial.position(pair[1]))).any():
-        raise errors.TrialUnusable(
-            f"markers '{pair[0]}' and '{pair[1]}', between which '{measurement.name}' is measured, are never "
-            f"seen together in trial '{trial.name}'",
-            file=trial.name,
-            field=f"{pair[0]}, {pair[1]}",
-            remedy="Label them in the recording, or take the measurement out of the scale set-up",
-        )
 
 
 def summarise_recordings(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import abc
 from typing import Any
 
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.capabilities.subject.reading import hash_input_files
 from scaling_service.documents.results import RepairNote
 from scaling_service.documents.subject import SIZE_UNIT

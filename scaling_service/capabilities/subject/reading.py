@@ -7,7 +7,6 @@ import os
 from collections import abc
 from dataclasses import replace
 from pathlib import Path, PurePath
-from typing import TypeVar
 
 from scaling_service.bones.images import SEGMENTATION, list_files_of
 from scaling_service.core import errors
@@ -20,9 +19,6 @@ from scaling_service.files.segmentation import list_tables
 from scaling_service.model import trial as model_trial
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject, list_recordings
-
-_Held = TypeVar("_Held")
-_Made = TypeVar("_Made")
 
 
 def load_subject(path: str | Path) -> Subject:
@@ -194,17 +190,6 @@ def with_stated_sizes(
         subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
     )
     return completed, notes
-
-
-def apply_to_each(
-    step: abc.Callable[[Path, _Held], _Made], recordings: abc.Mapping[Path, _Held]
-) -> dict[Path, _Made]:
-    """One step on every recording; errors name the file."""
-    made = {}
-    for path, held in recordings.items():
-        with errors.blame_file(path, [path]):
-            made[path] = step(path, held)
-    return made
 
 
 def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:

@@ -70,8 +70,8 @@ def find_joint_centres(model: body.BodyModel) -> dict[str, tuple[str, body.Vecto
     centres = {}
     for side in _SIDES:
         for joint, (proximal, _) in _JOINTS.items():
-            ends = find_joint_ends(model, joint, side)
             segment = _find_part(model, proximal, side)
+            ends = find_joint_ends(model, joint, side)
             if segment is not None and segment in ends:
                 centres[_name_sided(joint, side)] = (segment, body.to_vector(ends[segment]))
     return centres

@@ -26,24 +26,24 @@ _FEWEST = 3  # markers without which a segment has no pose of its own
 def with_tracking_markers(
     subject: Subject,
     model: BodyModel,
-    standing: Trial | None,
-    movements: abc.Sequence[Trial],
-    who: Identification | None = None,
+    shown: abc.Sequence[Trial],
+    ask: abc.Callable[[], Identification],
 ) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with tracking markers on thighs and shanks that movements hardly show.
 
     A segment with fewer than three markers has no pose of its own; where the subject file names no extra
     markers, those that the marker set puts there are taken, and those that sit there and move with it, which
     takes two markers. Only for built-in models: others bring their own. Those that sit on another segment
-    than is said, and move with it, are told; where only their name said it, they are left out. ``who``: what
-    geometry tells, where it was asked already.
+    than is said, and move with it, are told; where only their name said it, they are left out.
+
+    ``shown``: the movements, or the standing one alone. ``ask``: what geometry tells of the labels, asked
+    where names do not suffice, for it takes its time.
     """
     if subject.extra_markers:
-        who = who or _identify(standing, movements, subject.height_m)
-        return subject, tuple(_tell_elsewhere(find_elsewhere(subject.extra_markers, model, who)))
+        return subject, tuple(_tell_elsewhere(find_elsewhere(subject.extra_markers, model, ask())))
     if subject.model not in BUILTIN_NAMES:
         return subject, ()
-    first, *others = movements or ([] if standing is None else [standing])
+    first, *others = shown
     labels = set(first.labels).intersection(*(trial.labels for trial in others))
     explicit = list_explicit(subject, labels)
     matched = markers.match_labels(sorted(labels), model.marker_names, explicit).mapped
@@ -52,7 +52,7 @@ def with_tracking_markers(
     free = sorted(labels - set(matched.values()))
     if not limbs or not free:
         return subject, ()
-    who = who or _identify(standing, movements, subject.height_m)
+    who = ask()
     by_set = {n: s for n, s in assign_tracking_segments(free, model).items() if s in limbs}
     elsewhere = find_elsewhere(by_set, model, who)
     by_set = {label: segment for label, segment in by_set.items() if label not in elsewhere}
@@ -83,7 +83,7 @@ def with_tracking_markers(
     return (replace(subject, extra_markers=added) if added else subject), tuple(notes)
 
 
-def _identify(
+def ask_geometry(
     standing: Trial | None, movements: abc.Sequence[Trial], stature: float | None
 ) -> Identification:
     """What geometry tells of the labels, known names taken for granted."""

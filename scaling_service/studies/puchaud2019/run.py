@@ -21,7 +21,7 @@ from scaling_service.capabilities.cohort.statistics import compute_cohort_statis
 from scaling_service.capabilities.scaling.methods import placement
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.core.threads import count_cores

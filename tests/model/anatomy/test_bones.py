@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.subject.loading import read_model
+from scaling_service.capabilities.subject.files import read_model
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.bones import BONES, assign_bones, find_body, find_bones_by_tree
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths

@@ -10,7 +10,7 @@ import numpy as np
 
 from scaling_service.capabilities.kinetics import forces as kinetics_forces
 from scaling_service.capabilities.kinetics import inverse_dynamics
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import Progress

@@ -14,6 +14,8 @@ from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import to_document
+from scaling_service.model.poses import pose_neutral_markers
+from scaling_service.model.trial import Trial
 
 
 def test_motions_their_uncertainty_and_poses_are_written(
@@ -55,6 +57,21 @@ def test_wrong_options(more: list[str], said: str, folder: Path, capsys: pytest.
     assert said in message
     assert len(message.splitlines()) == 1
     assert not (folder / "out").exists()
+
+
+def test_conventional_angles_of_a_model_that_has_none_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = load_builtin("squat_4dof")
+    markers = np.tile(list(pose_neutral_markers(model).values()), (20, 1, 1))
+    trial = Trial(
+        name="still", times=np.arange(20) / 100.0, labels=model.marker_names, markers=markers, rate_hz=100.0
+    )
+    write_trc(tmp_path / "still.trc", trial, "m")
+    given = ["ik", "squat_4dof", str(tmp_path / "still.trc"), "--out", str(tmp_path / "out")]
+    assert main([*given, "--angles"]) == EXIT_INPUT
+    assert "'squat_4dof' has no landmarks from which conventional angles come" in capsys.readouterr().err
+    assert main(given) == 0
 
 
 def test_labels_that_no_model_marker_has_are_mapped_by_an_option(

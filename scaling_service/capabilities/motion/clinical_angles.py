@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.core.errors import ModelRefused
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
 from scaling_service.model import poses as posing
@@ -282,6 +283,7 @@ def compute_clinical_rates(
     """Side and name of every conventional angle of a model, and how they change with its coordinates.
 
     The landmarks' rates are exact; the angles of landmarks are differenced along each.
+    Raises ModelRefused: it has too few landmarks for any.
     """
     placed = find_clinical_landmarks(model)
     names = tuple(placed)
@@ -296,6 +298,14 @@ def compute_clinical_rates(
             for a, v in anatomy_frames.compute_conventional_angles(points, s).items()
         }
 
+    angles = tuple(compute_angles(np.zeros((len(names), 3, 0))))
+    if not angles:
+        raise ModelRefused(
+            f"'{model.name}' has no landmarks from which conventional angles come",
+            field="angles",
+            remedy="Leave the angles out, or take a model with landmarks on pelvis, thighs and shanks",
+        )
+
     def compute_rates(q: Array) -> Array:
         n, count = q.shape
         poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
@@ -308,7 +318,7 @@ def compute_clinical_rates(
         rise = np.subtract(*ends.reshape(-1, 2, count, n).swapaxes(0, 1))
         return np.asarray((np.arctan2(np.sin(rise), np.cos(rise)) / (2.0 * _STEP)).transpose(2, 0, 1))
 
-    return tuple(compute_angles(np.zeros((len(names), 3, 0)))), compute_rates
+    return angles, compute_rates
 
 
 def cut_clinical_cycles(

@@ -190,15 +190,15 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """Track one trial, in the session's axes and with the model's marker names.
 
     ``skin``: whether standard deviations hold what skin does over the bone. ``angles``: whether to give the
-    conventional angles, too.
+    conventional angles, too. Raises ModelRefused: they are asked of a model that has none.
     """
+    names, rates = clinical_angles.compute_clinical_rates(model) if angles else ((), None)
     task = Task.of(model, trial)
     everyday = (skin or any(m.is_direction for m in model.markers)) and model.knows_its_person
     q, motion = inverse_kinematics.follow_task(task, trial, everyday=everyday)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
-    names, rates = clinical_angles.compute_clinical_rates(model) if angles else ((), None)
     if everyday:
         uncertainty = ordinary.estimate_everyday_sd(model, trial, task, q, known, rates)
         return _gather(model, motion, uncertainty, names)

@@ -56,7 +56,9 @@ class Orientation:
 
     R_new_old: Array  # (3, 3); signed permutation; maps laboratory vectors to ours
     repairs: tuple[Repair, ...] = ()  # what was decided and from what
-    clarity: float = 1.0  # cosine between where the person faces and the axis taken for forward
+    clarity: float = (
+        1.0  # cosine between where the person faces and the axis taken for forward; 0: nothing tells it
+    )
     vertical: int = 1  # which of our axes points up: y, but where a model stands otherwise
 
     @property

@@ -23,7 +23,7 @@ class Cell:
     text: str
     tone: Tone = "plain"
 
-    def html(self, tag: str = "td", attributes: str = "") -> str:
+    def html(self, tag: str = "td", attributes: str = "", *, words: bool = False) -> str:
         """One cell.
 
         Examples
@@ -31,8 +31,9 @@ class Cell:
         >>> Cell("a < b").html()
         '<td>a &lt; b</td>'
         """
-        toned = "" if self.tone == "plain" else f' class="tone {self.tone}"'
-        return f"<{tag}{attributes}{toned}>{escape(self.text)}</{tag}>"
+        classes = [*(["words"] if words else []), *([] if self.tone == "plain" else ["tone", self.tone])]
+        styled = f' class="{" ".join(classes)}"' if classes else ""
+        return f"<{tag}{attributes}{styled}>{escape(self.text)}</{tag}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +78,7 @@ class Table:
         for row in self.rows:
             span = "" if row.cells else f' colspan="{len(self.columns)}"'
             header = to_cell(row.header).html("th", f' scope="row"{span}')
-            cells = (to_cell(cell) for cell in row.cells)
-            # a cell's tone is a class of its own
-            shown = (cell.html("td", words if cell.tone == "plain" else "") for cell in cells)
+            shown = (to_cell(cell).html(words=self.words) for cell in row.cells)
             body += f"<tr>{header}{''.join(shown)}</tr>"
         note = f'<p class="note">{escape(self.note)}</p>' if self.note else ""
         return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import abc
 
 _SHORT = {
@@ -17,6 +18,7 @@ _SHORT = {
 """Names of OpenSim's models and of this program that are no words."""
 
 _OF_PARAMETERS = {"scale": "length", "axis": "axis", "centre": "centre"}
+_PART = re.compile(r"(?:[a-z]+_)+[rl]|plate_\d+")  # of body or laboratory, and no marker's label
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -57,6 +59,18 @@ def spell_name(name: str) -> str:
     if stem and side in ("r", "l"):
         return f"{spell_name(stem)}, {'right' if side == 'r' else 'left'}"
     return _SHORT.get(name, name.replace("_", " "))
+
+
+def spell_place(name: str) -> str:
+    """A part of body or laboratory within a sentence; labels of markers stay.
+
+    Examples
+    --------
+    >>> spell_place("hip_r"), spell_place("plate_1"), spell_place("RKNE")
+    ('right hip', 'plate 1', 'RKNE')
+    """
+    words, _, side = spell_name(name).partition(", ") if _PART.fullmatch(name) else (name, "", "")
+    return f"{side} {words}".strip()
 
 
 def spell_parameters(names: abc.Iterable[str]) -> list[str]:

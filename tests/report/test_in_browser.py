@@ -145,6 +145,15 @@ def test_models_are_printed_on_light_paper(open_report: Open) -> None:
     assert np.mean(np.any(pixels != pixels[0, 0], axis=2)) > DRAWN
 
 
+def test_heads_of_tables_are_repeated_on_further_pages(open_report: Open) -> None:
+    """Chromium repeats what is written in a head, and no box within it, as a button is."""
+    visitor = open_report("#/jobs/report/everything")
+    visitor.page.locator("thead button.head").first.wait_for()
+    visitor.page.emulate_media(media="print")
+    shown = "heads => new Set(heads.map((head) => getComputedStyle(head).display)).values().toArray()"
+    assert visitor.page.locator("thead button.head").evaluate_all(shown) == ["contents"]
+
+
 def test_without_javascript_the_summary_is_read(open_report: Open, headline: str) -> None:
     visitor = open_report(java_script_enabled=False)
     text = visitor.page.locator("main").inner_text()

@@ -28,7 +28,6 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
 from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
-from scaling_service.core.text import list_few
 from scaling_service.model.compile import evaluate_law
 
 _MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
@@ -178,7 +177,8 @@ def _make_effect(named: search_findings.NamedEffect, results: DiscoverResults) -
             implausible = not known.low <= number.value <= known.high
             number = documents.QuantityDocument(**dict(number) | {"usual": (known.low, known.high)})
             if implausible:
-                said = f"{list_few(candidate.where)}: {words.format_quantity(name, number)}"
+                where = words.list_places(candidate.where)
+                said = ": ".join(filter(None, (where, words.format_quantity(name, number))))
                 met = f"{words.format_figures(known.low)} to {words.format_figures(known.high)} is met"
                 cautions.append(f"{said} is implausible: {met} ({cite_source_of_sizes(candidate.kind)})")
         numbers[name] = number
@@ -236,7 +236,7 @@ def _advise(named: search_findings.NamedEffect, *, as_class: bool, left_out: boo
     if as_class:
         return f"Do not rely on one of them.{record}"
     if isinstance(candidate.change, candidates.Reweighed):
-        return "Correct `mass_kg` of the subject file, or the plates' scale." + record
+        return "Correct the person's mass in the subject file, or the plates' scale." + record
     if isinstance(candidate.change, candidates.Contact):
         return f"{candidate.trials[0]}_contact.sto has the force that it must have been." + record
     if any(isinstance(column.load, Tilt) for column in candidate.columns):

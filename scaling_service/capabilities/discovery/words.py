@@ -11,7 +11,7 @@ from scaling_service.core.text import format_p, list_few
 from scaling_service.documents.base import Tone
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Cell, Row, Table
-from scaling_service.report.words import spell_name
+from scaling_service.report.words import spell_name, spell_place
 
 LEVELS = (
     ("whitened", "all together", "times what is ordinary"),
@@ -29,6 +29,7 @@ TOLD_ALONE = 0.3
 """Probability within its class from which an effect stands by itself (chosen: below it there are more than
 three as good, for no other member is likelier)."""
 
+_WHOLE = ("world", "markers", "forces")  # places of what concerns a recording as a whole
 _SUFFIXES = {
     "_mm_per_deg": " mm/deg",
     "_deg_per_deg": " deg/deg",
@@ -110,13 +111,21 @@ def describe_effect(
     --------
     >>> gain = {"factor": documents.QuantityDocument(value=1.02, sd=0.001)}
     >>> describe_effect("plate_gain", ("plate_1",), (), (), gain)
-    'plate_1: the plate measures a multiple of the true force: factor 1.02'
+    'plate 1: the plate measures a multiple of the true force: factor 1.02'
+    >>> describe_effect("body_mass", ("world",), (), (), {})
+    'the person is heavier or lighter than declared'
     """
+    place = f"{places}: " if (places := list_places(where)) else ""
     following = f", here {list_few([spell_name(d) for d in driver])}" if driver else ""
     only = f", in {list_few(trials)} only" if trials else ""
     sizes = ", ".join(format_quantity(name, q, spread=spread) for name, q in parameters.items())
     meaning = find_effects()[kind].meaning
-    return f"{list_few(where)}: {meaning}{following}{only}" + (f": {sizes}" if sizes else "")
+    return f"{place}{meaning}{following}{only}" + (f": {sizes}" if sizes else "")
+
+
+def list_places(where: Sequence[str]) -> str:
+    """Where something is, for people; empty of what concerns the whole recording."""
+    return list_few([spell_place(name) for name in where if name not in _WHOLE])
 
 
 def describe_place(effect: documents.PlacedEffect) -> str:
@@ -125,12 +134,13 @@ def describe_place(effect: documents.PlacedEffect) -> str:
     Examples
     --------
     >>> describe_place(documents.PlacedEffect(kind="plate_gain", where=["plate_1"]))
-    'plate gain at plate_1'
+    'plate gain at plate 1'
     """
-    following = f" with {', '.join(effect.driver)}" if effect.driver else ""
+    at = f" at {places}" if (places := list_places(effect.where)) else ""
+    following = f" with {', '.join(map(spell_place, effect.driver))}" if effect.driver else ""
     only = f" in {', '.join(effect.trials)}" if effect.trials else ""
     said = f" ({effect.note})" if effect.note else ""
-    return f"{effect.kind.replace('_', ' ')} at {', '.join(effect.where)}{following}{only}{said}"
+    return f"{effect.kind.replace('_', ' ')}{at}{following}{only}{said}"
 
 
 def describe_class(every: Sequence[documents.PlacedEffect]) -> str:
@@ -139,7 +149,7 @@ def describe_class(every: Sequence[documents.PlacedEffect]) -> str:
     Examples
     --------
     >>> describe_class([documents.PlacedEffect(kind="plate_gain", where=[f"plate_{k}"]) for k in (1, 2)])
-    'one of 2 not told apart here: plate gain at plate_1; plate gain at plate_2'
+    'one of 2 not told apart here: plate gain at plate 1; plate gain at plate 2'
     """
     return f"one of {len(every)} not told apart here: {_list_alike(every)}"
 
@@ -259,7 +269,9 @@ def write_headline(
     else:
         told = f"is {now} times what is ordinary, {without} without, which is no clear change"
     if left and before**2 - after**2 < _LITTLE * (before**2 - 1.0):
-        most = f"{list_few(left[0].where)} ({format_figures(left[0].rms)} {left[0].unit})"
+        most = (
+            f"{list_places(left[0].where) or 'no one place'} ({format_figures(left[0].rms)} {left[0].unit})"
+        )
         told += f". Most of it is left unexplained, above all at {most}"
     return f"{said}; the gap on {unseen} {told}"
 
@@ -290,9 +302,10 @@ def choose_tone(verdict: str, effects: Sequence[documents.EffectDocument], worse
 def describe_left(document: documents.DiscoveryDocument) -> Iterator[str]:
     """What stands out and is no effect that is known."""
     for u in document.unexplained[:MOST_LINES]:
-        yield f"Beyond what is ordinary, and no effect that is known, at {list_few(u.where)}: {u.law}."
+        at = f", at {places}" if (places := list_places(u.where)) else ""
+        yield f"Beyond what is ordinary, and no effect that is known{at}: {u.law}."
     if more := document.unexplained[MOST_LINES:]:
-        yield f"And at {list_few([place for u in more for place in u.where])}."
+        yield f"And at {list_places([place for u in more for place in u.where])}."
 
 
 def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
@@ -336,7 +349,7 @@ def tabulate_effects(document: documents.DiscoveryDocument) -> Table:
     unseen = "held-out gap" if document.held_out_trials else "gap"
     rows: list[Row] = []
     for effect in document.effects:
-        following = f"\nwith {', '.join(effect.driver)}" if effect.driver else ""
+        following = f"\nwith {', '.join(map(spell_place, effect.driver))}" if effect.driver else ""
         only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
         sizes = [format_quantity(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
         more = [f"and {len(sizes) - _MOST_NUMBERS} more"] if len(sizes) > _MOST_NUMBERS else []
@@ -350,7 +363,7 @@ def tabulate_effects(document: documents.DiscoveryDocument) -> Table:
             "\n".join([*sizes[:_MOST_NUMBERS], *more]), tone="fair" if list_cautions([effect]) else "plain"
         )
         others = "\nor another of its class" if is_class(effect) else ""
-        where = ", ".join(effect.where) + following + only
+        where = list_places(effect.where) + following + only
         belief = effect.belief.summary.replace("; ", "\n") if effect.belief else ""
         rows.append(Row(effect.kind.replace("_", " ") + others, [where, size, "\n".join(gaps), belief]))
     columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (ordinary)", "how sure"]
@@ -379,7 +392,7 @@ def _tabulate_unexplained(document: documents.DiscoveryDocument) -> Table:
     """What is left beyond what is ordinary, the first places with the law that describes each."""
     rows = [
         Row(
-            ", ".join(u.where),
+            list_places(u.where) or "the whole recording",
             [f"{format_figures(u.rms)} {u.unit}", f"{format_figures(u.floor)} {u.unit}", u.law],
         )
         for u in document.unexplained[:_MOST_LEFT]

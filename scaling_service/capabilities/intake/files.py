@@ -30,8 +30,6 @@ from scaling_service.recording import orientation
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.plates import compute_ground_forces
 
-GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
-
 _TABLES = (".csv", ".tsv")
 _ROTATIONS = "rotations"  # field of the error about a recording without markers
 _MESHES = (".stl", ".ply", ".obj", ".vtp")
@@ -125,7 +123,7 @@ def make_axes_entry(
     return documents.AxesEntry(
         up=axes.up,
         forward=axes.forward,
-        sure=not any(f"({GUESSED}" in text for text in why),
+        sure=axes.clarity > 0.0,
         given=up is not None and forward is not None,
         why=why,
         R_new_old=[(float(x), float(y), float(z)) for x, y, z in axes.R_new_old],

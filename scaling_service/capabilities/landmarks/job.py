@@ -66,7 +66,7 @@ class LandmarksRequest(job.OfOneSubject, job.WithTables):
 def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write ``landmarks.json``, which is also the result."""
     from scaling_service.capabilities.landmarks.result import tabulate_points
-    from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
+    from scaling_service.capabilities.landmarks.run import landmark_bones, list_absent, save_landmarks
     from scaling_service.capabilities.shared.tables import make_table_writer
 
     write_tables = make_table_writer(request.tables, outputs)
@@ -75,7 +75,8 @@ def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progr
     bones = {bone: folder / file for bone, file in request.meshes(document).items()}
     found = landmark_bones(bones, units=request.units, progress=progress)
     write_tables({"landmarks": tabulate_points(found)}, found)
-    return json.loads(save_landmarks(found, outputs).read_text(encoding="utf-8"))
+    save_landmarks(found, outputs)
+    return found.model_dump(mode="json", exclude=list_absent(found))
 
 
 def list_kinds() -> dict[str, job.Kind]:

@@ -74,9 +74,13 @@ def save_landmarks(document: documents.LandmarksDocument, folder: str | Path) ->
     Raises InputError: the folder cannot be made or written to.
     """
     with writing.all_or_nothing(Path(folder)) as scratch:
-        absent = [bone for bone in whole.BONES if getattr(document, bone) is None]
-        writing.write_json(scratch / FILE_NAME, document, without=absent)
+        writing.write_json(scratch / FILE_NAME, document, without=list_absent(document))
     return Path(folder) / FILE_NAME
+
+
+def list_absent(document: documents.LandmarksDocument) -> set[str]:
+    """Bones that no surface showed: they do not stand in the file."""
+    return {bone for bone in whole.BONES if getattr(document, bone) is None}
 
 
 def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import typing
 from collections.abc import Sequence
 from pathlib import Path
@@ -84,9 +83,11 @@ def scale_by_one(
     request: LinearRequest | OptimisedRequest, inputs: Path, outputs: Path, progress: Progress
 ) -> typing.Any:
     """Write the method's folder; its ``scaling.json`` is the result."""
+    from scaling_service.capabilities.scaling.saving import make_scaling_documents
+
     options = ComparisonOptions(**request.part(ScaleOptions).model_dump())
-    _scale(request, (request.method,), inputs, outputs, progress, options, comparison=False)
-    return json.loads((outputs / request.method / "scaling.json").read_text(encoding="utf-8"))
+    _, document = _scale(request, (request.method,), inputs, outputs, progress, options, comparison=False)
+    return make_scaling_documents(document)[request.method].model_dump(mode="json")
 
 
 def view_comparison(

@@ -11,7 +11,9 @@ import pytest
 import trimesh
 
 from scaling_service.capabilities.landmarks.run import landmark_bones
+from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from tests.bones.bones import femur
@@ -61,6 +63,31 @@ def test_landmarks_are_those_of_the_command_line(service: Service, tmp_path: Pat
     assert over_service["femur_r"] == there["femur_r"]
     assert over_service["femur_r"]["head_radius_mm"] == pytest.approx(24.0, abs=0.05)  # as it was made
     assert [row.name for row in service.files("lab", job)] == ["landmarks.json"]
+
+
+@pytest.mark.parametrize("kind", ["linear-scaling", "landmarks"])
+def test_what_was_written_is_not_read_back(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs, outputs = tmp_path / "in", tmp_path / "out"
+    (inputs / "S01").mkdir(parents=True)
+    outputs.mkdir()
+    laboratory(inputs / "S01")
+    (inputs / "S01" / DOCUMENT).write_text(json.dumps(document()), encoding="utf-8")
+    trimesh.Trimesh(*femur(), process=False).export(inputs / "S01" / "femur_r.stl")
+    read = Path.read_text
+
+    def read_input(file: Path, *options: Any, **more: Any) -> str:
+        assert outputs not in file.parents
+        return read(file, *options, **more)
+
+    bones = {"units": "mm", "bones": {"femur_r": "femur_r.stl"}} if kind == "landmarks" else {}
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "read_text", read_input)
+        request = KINDS[kind].request.model_validate({"subject": "S01"} | bones)
+        result = KINDS[kind].work(request, inputs, outputs, lambda *_: None)
+    (file,) = outputs.glob("landmarks.json" if bones else "MB/scaling.json")
+    assert json.loads(file.read_text(encoding="utf-8")) == json.loads(json.dumps(result))
 
 
 def test_a_recording_that_is_damaged_fails_its_own_job_only(service: Service, tmp_path: Path) -> None:

@@ -55,6 +55,10 @@ def test_a_folder_becomes_a_cohort(visit: Visit, url: str, example: Path, tmp_pa
     visitor.sees("How every subject ended")
     visitor.follow("Errors")
     visitor.sees("Kinematic error, held out")
+    visitor.follow("All on one page")
+    visitor.sees("Kinematic error: differences of pairs of methods")
+    tables = page.get_by_role("region").evaluate_all("all => all.map((one) => one.ariaLabel)")
+    assert len(set(tables)) == len(tables)  # each is found by its name
     visitor.follow("Take away")
     visitor.sees("Everything as one zip")
     names = page.locator("tbody th").all_inner_texts()

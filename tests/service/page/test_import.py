@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from tests.service.page.visitor import Visitor
 from tests.service.page.walker import put_walker
 
 CHECKED = "can be read"
+DRAWN = "() => [...document.querySelectorAll('.plot')].every((plot) => plot.querySelector('.main-svg'))"
 
 
 def imported(visit: Visit, url: str, subject: str) -> Visitor:
@@ -130,6 +132,23 @@ def test_a_person_has_one_report(visit: Visit, url: str, walked: str, example: P
     visitor.sees("after beside walked")
     both = visitor.page.get_by_role("row", name="femur, right").last.inner_text().split()
     assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
+
+
+def test_figures_are_drawn_before_anybody_scrolls(visit: Visit, url: str, walked: str) -> None:
+    """They are printed, also where a chapter below them comes late."""
+    job = requests.get(f"{url}/v1/jobs/{walked}", timeout=10).json() | {"id": "0" * 64}
+    search = {"headline": "Nothing stands out", "tone": "good", "repairs": {}, "effects": []}
+    visitor = visit(url, viewport={"width": 1440, "height": 200})
+
+    def answer_late(route: Any) -> None:
+        time.sleep(1.0)
+        route.fulfill(json=search)
+
+    visitor.page.route("**/v1/jobs?*kind=discovery*", lambda route: route.fulfill(json={"items": [job]}))
+    visitor.page.route(f"**/v1/jobs/{job['id']}/result", answer_late)
+    visitor.go("subjects/walked/report")
+    visitor.sees("Nothing stands out")
+    visitor.page.wait_for_function(DRAWN)
 
 
 def test_notes_are_signed_for_the_results_that_are_shown(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import requests
+
 from scaling_service.client import Client
 from tests.service.page.conftest import Visit
 from tests.service.page.visitor import LONG_MS
@@ -35,3 +37,16 @@ def test_several_jobs_at_once(visit: Visit, url: str, example: Path, tmp_path: P
     assert page.locator(".jobs li").count() == 1
     page.goto(address)
     page.locator(".problem .remedy").wait_for()
+
+
+def test_a_cohort_tells_how_long_it_will_take(visit: Visit, url: str, walked: str) -> None:
+    """It has not begun itself while its members are at work."""
+    path = f"/v1/jobs/{walked}"
+    times = {"created_at": "2026-01-01T10:00:00Z", "started_at": None, "updated_at": "2026-01-01T10:10:00Z"}
+    job = requests.get(url + path, timeout=10).json() | times
+    job |= {"state": "waiting", "progress": {"what": "5 of 10 ended", "share": 0.5}, "finished_at": None}
+    visitor = visit(url)
+    visitor.page.route(f"**{path}", lambda route: route.fulfill(json=job))
+    visitor.page.route(f"**{path}/events", lambda _: None)
+    visitor.go(f"jobs/{walked}")
+    visitor.sees("about 10 min left")

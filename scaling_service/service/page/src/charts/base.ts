@@ -75,7 +75,7 @@ const MOST_NAMES = 0.4;
 
 /** Room for names down the side, px. */
 export const namesRoom = (names: readonly string[], least = 84): number =>
-  Math.round(Math.min(Math.max(LETTER * Math.max(...names.map(({ length }) => length), 0) + 16, least), Math.max(MOST_NAMES * innerWidth, least), 330));
+  Math.round(Math.min(Math.max(LETTER * Math.max(...names.map(({ length }) => length), 0) + 16, least), Math.max(MOST_NAMES * innerWidth, least), 480));
 
 function shortened(name: string, width: number): string {
   const most = Math.floor(width / LETTER);

@@ -126,6 +126,9 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   return { element, redraw };
 }
 
+/** Chosen: nobody prints sooner. */
+const LATER_MS = 100;
+
 function whenNear(element: Element, work: () => void, signal: AbortSignal): void {
   const watching = new IntersectionObserver(
     (seen) => {
@@ -136,11 +139,13 @@ function whenNear(element: Element, work: () => void, signal: AbortSignal): void
     { rootMargin: "300px" },
   );
   watching.observe(element);
-  idle(() => {
-    if (signal.aborted || !element.isConnected) return;
+  const draw = (): void => {
+    if (signal.aborted) return;
+    if (!element.isConnected) return void setTimeout(() => idle(draw), LATER_MS); // the page waits for results beside it
     watching.disconnect();
     work();
-  });
+  };
+  idle(draw);
   signal.addEventListener("abort", () => watching.disconnect());
 }
 

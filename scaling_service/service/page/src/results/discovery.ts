@@ -9,7 +9,7 @@ import { h, vary } from "../ui/dom.ts";
 import { few, figures, percent, spoken, words } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { unseen } from "./unseen.ts";
-import { what } from "./what.ts";
+import { places, what } from "./what.ts";
 import { where } from "./where.ts";
 
 const MOST = 3; // lines of the story that are open: as many as are read in a minute
@@ -49,14 +49,14 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
   const { effects, unexplained, notes } = document;
   const cautions = cautionsOf(document);
   const lines = Math.min(MOST, effects.filter(({ carries }) => carries).length);
-  const more = few(unexplained.slice(MOST).flatMap((one) => one.where.map(words)));
+  const more = few(unexplained.slice(MOST).flatMap((one) => places(one.where)));
   return [
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
       told(document, effects.slice(0, lines), 1),
       effects.length > lines && folded(lines > 0 ? `${effects.length - lines} more` : `${effects.length} named, which take next to nothing off the gap`, told(document, effects.slice(lines), lines + 1)),
-      ...unexplained.slice(0, MOST).map(({ where, law }) => h("p", null, `Beyond what is ordinary, and no effect that is known, at ${few(where.map(words))}: ${spoken(law, Object.keys(document.repairs))}.`)),
+      ...unexplained.slice(0, MOST).map(({ where, law }) => h("p", null, `Beyond what is ordinary, and no effect that is known${at(where)}: ${spoken(law, Object.keys(document.repairs))}.`)),
       more !== "" && h("p", null, `And at ${more}.`),
     ),
     cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
@@ -65,6 +65,8 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
   ];
 }
+
+const at = (where: readonly string[]): string => (places(where).length === 0 ? "" : `, at ${few(places(where))}`);
 
 /** A line for each effect, counted from a number on. */
 export const told = ({ repairs }: DiscoveryDocument, effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>

@@ -28,7 +28,7 @@ export function quantities(statistics: StatisticsDocument, keys: readonly Key[],
       h("h2", null, `${title}, ${unit}`),
       means(entries, key, title, unit),
       h("div", { class: "grid" }, ...entries.map((entry) => picture(entry, title, unit, signal))),
-      pairs(entries, key, unit),
+      pairs(entries, key, title, unit),
     );
   }
   if (keys.includes("kinematic_error_mm")) place.append(limits(statistics));
@@ -78,7 +78,7 @@ function picture(entry: QuantityEntry, title: string, unit: string, signal: Abor
   }, signal).element;
 }
 
-function pairs(entries: readonly QuantityEntry[], key: string, unit: string): HTMLElement {
+function pairs(entries: readonly QuantityEntry[], key: string, title: string, unit: string): HTMLElement {
   const rows = entries.flatMap((entry) =>
     (entry.friedman?.pairs ?? []).map((pair) => [
       cell(nameOf(entry)),
@@ -89,7 +89,7 @@ function pairs(entries: readonly QuantityEntry[], key: string, unit: string): HT
     ]),
   );
   return table({
-    caption: `Pairs of methods: difference, ${unit}, by Tukey's HSD on mean ranks`,
+    caption: `${title}: differences of pairs of methods, ${unit}, by Tukey's HSD on mean ranks`,
     name: `${key}_pairs`,
     columns: ["quantity", "methods", "difference", "p", "significant"].map((title) => ({ title })),
     rows,

@@ -156,6 +156,6 @@ function recordings({ markers_used, repairs }: ComparisonDocument): HTMLElement 
       rows: notes,
       filter: true,
     }),
-    table({ caption: "Markers and their labels", name: "labels", columns: [{ title: "marker" }, { title: "labels", words: true }], rows: labels, filter: true }),
+    labels.length > 0 && table({ caption: "Markers and their labels", name: "labels", columns: [{ title: "marker" }, { title: "labels", words: true }], rows: labels, filter: true }),
   );
 }

@@ -84,7 +84,7 @@ function unexplained({ unexplained: all, repairs }: DiscoveryDocument): HTMLElem
     caption: "Beyond what is ordinary, and like no effect that is known",
     name: "unexplained",
     columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "ordinary" }],
-    rows: all.map((one) => [cell(one.where.map(words).join(", ")), cell(spoken(one.law, Object.keys(repairs))), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
+    rows: all.map((one) => [cell(places(one.where).join(", ") || "the whole recording"), cell(spoken(one.law, Object.keys(repairs))), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
 }
 
@@ -104,12 +104,15 @@ function estimates({ estimates: all }: DiscoveryDocument): HTMLElement {
 /** What holds of the recording as a whole has no place. */
 const WHOLE = new Set(["world", "markers", "forces"]);
 
+/** Where something is, for people; empty of what concerns the whole recording. */
+export const places = (where: readonly string[]): string[] => where.filter((name) => !WHOLE.has(name)).map(words);
+
 /** Names in a row; those with commas of their own are kept apart. */
 const listed = (names: readonly string[]): string => names.join(names.some((name) => name.includes(",")) ? "; " : ", ");
 
 /** An effect in a line: what, where, along with what, in which recording. */
 function placed({ kind, where, driver, trials, note }: PlacedEffect): string {
-  const places = where.filter((name) => !WHOLE.has(name)).map(words);
+  const found = places(where);
   const following = driver.length === 0 ? "" : ` with ${listed(driver.map(words))}`;
-  return `${kind.replaceAll("_", " ")}${places.length === 0 ? "" : ` at ${listed(places)}`}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
+  return `${kind.replaceAll("_", " ")}${found.length === 0 ? "" : ` at ${listed(found)}`}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
 }

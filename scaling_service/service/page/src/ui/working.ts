@@ -58,9 +58,10 @@ function notify({ kind, state }: JobDocument): void {
 const TELLING = 0.05;
 
 /** How long a job will still take if it goes on as it did, by the server's own clock; empty where that is not known. */
-export function leftInWords({ state, progress: { share }, started_at, updated_at }: JobDocument): string {
-  const passed = started_at === null ? 0 : (Date.parse(updated_at) - Date.parse(started_at)) / 1000;
-  if (state !== "running" || share < TELLING || share >= 1 || passed <= 0) return "";
+export function leftInWords({ state, progress: { share }, created_at, started_at, updated_at }: JobDocument): string {
+  // What waits for its members has not begun itself.
+  const passed = (Date.parse(updated_at) - Date.parse(started_at ?? created_at)) / 1000;
+  if (!(state === "running" || state === "waiting") || share < TELLING || share >= 1 || passed <= 0) return "";
   const left = (passed * (1 - share)) / share;
   return left < 60 ? "less than a minute left" : `about ${Math.round(left / 60)} min left`;
 }

@@ -181,7 +181,8 @@ class ConsistentRecording:
     def part(self, rows: slice, name: str) -> ConsistentRecording:
         """Only these frames, under another name."""
         motion, loads = self.motion, self.loads
-        return ConsistentRecording(
+        return dataclasses.replace(
+            self,
             trial=dataclasses.replace(self.trial.frames(rows), name=name),
             motion=dataclasses.replace(
                 motion,
@@ -193,7 +194,6 @@ class ConsistentRecording:
             loads=SegmentLoads(loads.times[rows], loads.segments, loads.force[rows], loads.moment[rows]),
             supported=self.supported[rows],
             about=self.about[rows],
-            components=self.components,
         )
 
 
@@ -240,8 +240,7 @@ def pose_problem(
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
     # Positions as measured, rates of splines through them, and how many errors are new. Velocities and
     # accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
-    labels = recording.motion.markers
-    measured = recording.trial.select(labels).markers
+    measured = recording.trial.select(names).markers
     seen = np.asarray(np.isfinite(measured).all(axis=2))
     n = len(measured)
     splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
@@ -249,8 +248,7 @@ def pose_problem(
     values[0] = measured
     values = np.where(seen[None, :, :, None], values, 0.0)
     scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
-    dimensions = 3 if recording.components == SPATIAL else 2
-    total = dimensions * max(float(seen.sum()), 1.0)
+    total = len(axes) * max(float(seen.sum()), 1.0)
     weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
     targets, count = marker_rates.MarkerTargets(values, weights), total / count_repeats(recording, settings)
     return problems.ConsistentProblem(
@@ -289,12 +287,12 @@ def find_inertial_freedom(
     for recording, motion in zip(recordings, rated, strict=True):
         targets = _make_wrench_targets(model, recording, settings)
         counted = (targets.weights > 0).sum() / count_repeats(recording, settings)
-        for block in wrenches.compute_regressor_blocks(
+        for rows, regressor in wrenches.compute_regressor_blocks(
             inertia.compile_mechanism(model), motion.rates, compiling.list_parameter_values(model)
         ):
-            rows = block.ground @ free
-            heavy = counted * targets.weights[block.rows]
-            information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
+            by = regressor @ free
+            heavy = counted * targets.weights[rows]
+            information += np.einsum("nck,nc,ncl->kl", by, heavy, by, optimize=True)
     gains, vectors = np.linalg.eigh(information)
     return np.asarray(free @ vectors[:, gains > identifications.DECIDES])
 

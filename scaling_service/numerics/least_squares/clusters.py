@@ -102,13 +102,7 @@ class Misfit:
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
         """The misfit in these frames."""
-        return Misfit(
-            axes=self.axes[..., rows],
-            centre=self.centre[..., rows],
-            force=self.force[..., rows],
-            turned=self.turned[..., rows],
-            cost=self.cost[..., rows],
-        )
+        return Misfit(**{f.name: getattr(self, f.name)[..., rows] for f in dataclasses.fields(self)})
 
 
 def compute_misfit(clusters: Clusters, axes: Array, origins: Array) -> Misfit:

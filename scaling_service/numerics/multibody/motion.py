@@ -91,11 +91,6 @@ class Mechanism:
         return tuple(sorted(self.tree.plan.moving, key=lambda e: not e.is_turn))
 
     @cached_property
-    def n_turns(self) -> int:
-        """How many of the entries are turns."""
-        return sum(e.is_turn for e in self.entries)
-
-    @cached_property
     def carriers(self) -> Array:
         """1 where an entry moves a link, shape (n_entries, n_links)."""
         rows = [self._at_or_below(e.node)[self.tree.plan.link_node] for e in self.entries]
@@ -120,12 +115,6 @@ class Mechanism:
     def coordinates(self) -> NDArray[np.intp]:
         """The coordinate that each entry follows, shape (n_entries,)."""
         return np.array([e.coordinate for e in self.entries], dtype=np.intp)
-
-    @cached_property
-    def gathering(self) -> Array:
-        """1 where an entry acts on a coordinate, shape (n_coordinates, n_entries)."""
-        rows = np.arange(self.tree.n_coordinates)[:, None]
-        return np.asarray((rows == self.coordinates[None, :]).astype(float))
 
     def _at_or_below(self, node: int) -> NDArray[np.bool_]:
         """Which nodes are this one or hang on it, shape (n_nodes,)."""
@@ -188,7 +177,7 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     n, coordinates = motion.n, mechanism.coordinates
     poses = pose_links(mechanism.tree, motion.q, p)
     # Twists of all entries for unit rates, (n_entries, 6, n).
-    entries, turns = mechanism.entries, mechanism.n_turns
+    entries, turns = mechanism.entries, sum(e.is_turn for e in mechanism.entries)
     directions = poses.directions(entries)
     screws = np.zeros((len(entries), 6, directions.shape[-1]))
     screws[:turns, 3:] = directions[:turns]

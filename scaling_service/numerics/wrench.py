@@ -135,8 +135,7 @@ def compute_joint_forces(mechanism: motions.Mechanism, state: motions.LinkMotion
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
     power = np.einsum("ean,ean->en", state.screws, through) * state.slopes
     acts = np.equal(np.arange(mechanism.tree.n_coordinates)[:, None], mechanism.coordinates)
-    forces: Array = acts.astype(float) @ power
-    return forces
+    return np.asarray(acts.astype(float) @ power)
 
 
 def compute_regressor_blocks(
@@ -189,8 +188,7 @@ def _compute_tensor_columns(axes: Array, omega: Array, alpha: Array) -> Array:
             local[:, column, j] += a[:, i]
             turned[:, j] += w[:, i]
         local[:, column] += cross(w, turned)
-    moments: Array = np.einsum("kjan,kcjn->kcan", axes, local)
-    return moments
+    return np.asarray(np.einsum("kjan,kcjn->kcan", axes, local))
 
 
 def differentiate_wrench(mechanism: motions.Mechanism, screws: motions.Screws, m: int) -> tuple[Array, Array]:
@@ -201,7 +199,20 @@ def differentiate_wrench(mechanism: motions.Mechanism, screws: motions.Screws, m
         provide; (n, 6, 3, m), its derivatives with respect to q, qdot and qddot.
     """
     state, n = screws.state, screws.rates.shape[-1]
-    inertia = compute_spatial_inertias(mechanism, state)
+    # Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist.
+    inertias, axes = mechanism.inertias, state.poses.axes
+    at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
+    own = np.einsum("kian,kij,kjbn->kabn", axes, inertias.tensor, axes, optimize=True)
+    mass = inertias.mass[:, None, None, None]
+    # Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n).
+    arm = np.stack([cross(at, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
+    result = np.zeros((len(axes), 6, 6, axes.shape[-1]))
+    for i in range(3):
+        result[:, i, i] = inertias.mass[:, None]
+    result[:, :3, 3:] = -mass * arm
+    result[:, 3:, :3] = mass * arm
+    result[:, 3:, 3:] = own - mass * np.einsum("kabn,kbcn->kacn", arm, arm)
+    inertia = result
     momentum = np.einsum("kabn,kbn->kan", inertia, state.twists)
     forces = link_wrenches(mechanism, state)
     # `V x* I - I V x` of every link, (k, 6, 6, n).
@@ -232,23 +243,5 @@ def differentiate_wrench(mechanism: motions.Mechanism, screws: motions.Screws, m
     return forces.sum(axis=0), np.ascontiguousarray(by.transpose(3, 2, 1, 0))
 
 
-def compute_spatial_inertias(mechanism: motions.Mechanism, state: motions.LinkMotion) -> Array:
-    """Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist."""
-    inertias, axes = mechanism.inertias, state.poses.axes
-    at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
-    own = np.einsum("kian,kij,kjbn->kabn", axes, inertias.tensor, axes, optimize=True)
-    mass = inertias.mass[:, None, None, None]
-    # Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n).
-    arm = np.stack([cross(at, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
-    result = np.zeros((len(axes), 6, 6, axes.shape[-1]))
-    for i in range(3):
-        result[:, i, i] = inertias.mass[:, None]
-    result[:, :3, 3:] = -mass * arm
-    result[:, 3:, :3] = mass * arm
-    result[:, 3:, 3:] = own - mass * np.einsum("kabn,kbcn->kacn", arm, arm)
-    return result
-
-
 def _multiply(matrix: Array, vector: Array) -> Array:
-    product: Array = np.einsum("kabn,kbn->kan", matrix, vector)
-    return product
+    return np.asarray(np.einsum("kabn,kbn->kan", matrix, vector))

@@ -217,8 +217,8 @@ def prepare_squat(
         planar[path.stem] = (in_plane(trial, plane), project_loads(loads, plane))
     standing, _ = next(iter(planar.values()))
     model = loaded.session.model if chosen.start == AS_IT_IS else scale_squat(loaded.session.model, standing)
-    massive = start.with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
-    motions = {name: inverse_kinematics(massive.model, trial) for name, (trial, _) in planar.items()}
+    model, inertia, notes = start.with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
+    motions = {name: inverse_kinematics(model, trial) for name, (trial, _) in planar.items()}
     recordings = {
         name: recording.ConsistentRecording(
             trial=trial,
@@ -233,11 +233,11 @@ def prepare_squat(
     prepared = start.Prepared(
         loaded=loaded,
         start=chosen.start or STANDING,
-        inertia=massive.inertia,
-        model=massive.model,
+        inertia=inertia,
+        model=model,
         motions=motions,
         forces={},
         calibration=None,
-        warnings=(*loaded.session.warnings, *massive.notes),
+        warnings=(*loaded.session.warnings, *notes),
     )
     return prepared, recordings

@@ -167,5 +167,4 @@ def minimise_within(values: Array, vectors: Array, slope: Array, low: Array, hig
     root = np.sqrt(values)
     room = np.maximum(high, low + 1e-12)  # lsq_linear wants room, also for a parameter held at one value
     found = scipy.optimize.lsq_linear(root[:, None] * vectors.T, slope / root, (low, room), method="bvls")
-    within: Array = np.clip(found.x, low, high)
-    return within
+    return np.asarray(np.clip(found.x, low, high))

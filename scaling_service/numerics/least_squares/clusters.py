@@ -85,8 +85,7 @@ def gather_clusters(
 
 def _sum_by_cluster(member: Array, values: Array) -> Array:
     """Values by marker (m, ...) added up by cluster, (k, ...)."""
-    total: Array = (member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:])
-    return total
+    return np.asarray((member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:]))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

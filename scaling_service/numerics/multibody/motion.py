@@ -65,8 +65,7 @@ class Inertias:
 def _point_tensor(at: Array) -> Array:
     """Tensor of unit masses at some places (n, 3) about the origin, (n, 3, 3)."""
     squares = (at**2).sum(axis=1)
-    tensors: Array = squares[:, None, None] * np.eye(3) - at[:, :, None] * at[:, None, :]
-    return tensors
+    return np.asarray(squares[:, None, None] * np.eye(3) - at[:, :, None] * at[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,15 +216,13 @@ def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> 
 
 def point_velocity(twist: Array, at: Array) -> Array:
     """Velocity of body points that lie at some places of the ground, (..., 3, n), m/s."""
-    velocity: Array = twist[..., :3, :] + cross(twist[..., 3:, :], at)
-    return velocity
+    return np.asarray(twist[..., :3, :] + cross(twist[..., 3:, :], at))
 
 
 def point_acceleration(twist: Array, acceleration: Array, at: Array) -> Array:
     """Acceleration of body points that lie at some places of the ground, (..., 3, n), m/s2."""
     turning = cross(twist[..., 3:, :], point_velocity(twist, at))
-    result: Array = acceleration[..., :3, :] + cross(acceleration[..., 3:, :], at) + turning
-    return result
+    return np.asarray(acceleration[..., :3, :] + cross(acceleration[..., 3:, :], at) + turning)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -263,8 +263,7 @@ def _evaluate(
 
 def _clip(value: Array, lower: Array, upper: Array) -> Array:
     """Values brought between their bounds (as np.clip, which is slow on small arrays)."""
-    bounded: Array = np.minimum(np.maximum(value, lower), upper)
-    return bounded
+    return np.asarray(np.minimum(np.maximum(value, lower), upper))
 
 
 def _solve_step(

@@ -288,5 +288,4 @@ def solve_band(band: Array, right: Array, held: NDArray[np.bool_]) -> Array:
             band[below, reached - below] = 0.0
         band[0, fixed] = 1.0
     factor = scipy.linalg.cholesky_banded(band, lower=True, check_finite=False)
-    found: Array = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
-    return found
+    return np.asarray(scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False))

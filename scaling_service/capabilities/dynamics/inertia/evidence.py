@@ -122,15 +122,6 @@ def gather(
     return np.asarray(information), np.asarray(slope)
 
 
-def weigh_errors(
-    evidence: Sequence[WrenchEquations], noise: Array, components: NDArray[np.bool_]
-) -> tuple[float, float]:
-    """Sum of squared errors over their noise, and how many independent errors there are; see ``gather``."""
-    squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)
-    count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)
-    return squares, count
-
-
 def estimate_noise(gains: Array, slopes: Array, squares: float, count: float) -> float:
     """The noise that makes the recorded errors most likely, whatever the parameters are.
 

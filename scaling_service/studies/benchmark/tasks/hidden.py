@@ -17,7 +17,7 @@ from scaling_service.studies.benchmark import parts as benchmark_parts
 from scaling_service.studies.benchmark.tasks._legs import write_subject
 
 SQUAT, WALK = "squats1", "walking1"
-MASS_KG = 62.6
+MASS_KG, HEAVIER = 62.6, 1.07
 TRUE_OF_THE_PERSON = "body_mass"
 """The plates carry 60.1 kg where 62.6 are declared: that is no false name."""
 
@@ -32,7 +32,6 @@ class Hidden:
     where: set[str]
     change: Change
     size: tuple[str, float, float] | None = None
-    mass_factor: float = 1.0
 
 
 def _change_markers(
@@ -139,7 +138,7 @@ def list_hidden() -> abc.Mapping[str, Hidden | None]:
         "ordinary": None,
         "swap": Hidden("marker_swap", {*swapped}, swap),
         "moved": _restick_thigh((WALK,), (0.025, 0.015, 0.0), 8.0),
-        "mass": Hidden("body_mass", {"world"}, lambda _box: None, ("factor", 0.960 / 1.07, 0.015), 1.07),
+        "mass": Hidden("body_mass", {"world"}, lambda _box: None, ("factor", 0.960 / HEAVIER, 0.015)),
         "gain": Hidden("plate_gain", {"plate_2"}, gain, ("factor", 1.10, 0.03)),
         "plate": Hidden("plate_position", {"plate_1"}, shift, ("_mm", 40.0, 12.0)),
         "late": Hidden("force_delay", {"forces"}, delay, ("_s", 0.040, 0.010)),
@@ -162,9 +161,9 @@ def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[benchmark_p
         shutil.copyfile(data / "opencap_squat" / "manually_scaled.osim", box / "model.osim")
         if hidden is not None:
             hidden.change(box)
-        factor = 1.0 if hidden is None else hidden.mass_factor
+        mass = MASS_KG * (HEAVIER if name == "mass" else 1.0)
         document = {
-            "subject": {"id": "squat", "sex": "F", "height_m": 1.68, "mass_kg": MASS_KG * factor},
+            "subject": {"id": "squat", "sex": "F", "height_m": 1.68, "mass_kg": mass},
             "model": "model.osim",
             "trials": {"calibration": [f"{SQUAT}.trc"], "evaluation": [f"{WALK}.trc"]},
             "forces": {f"{t}.trc": f"{t}_grf.mot" for t in (SQUAT, WALK)},

@@ -134,18 +134,8 @@ def compute_joint_forces(mechanism: motions.Mechanism, state: motions.LinkMotion
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
     power = np.einsum("ean,ean->en", state.screws, through) * state.slopes
-    forces: Array = mechanism.gathering @ power
-    return forces
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RegressorBlock:
-    """The regressors of a block of frames, frames first."""
-
-    rows: slice  # which frames
-    # (n, 6, 10 n_links): force and moment about the root link's origin, ground axes: what all external loads
-    # together must provide
-    ground: Array
+    acts = np.equal(np.arange(mechanism.tree.n_coordinates)[:, None], mechanism.coordinates)
+    return np.asarray(acts.astype(float) @ power)
 
 
 def compute_regressor_blocks(
@@ -155,8 +145,10 @@ def compute_regressor_blocks(
     *,
     gravity: Array = GRAVITY,
     size: int = REGRESSOR_BLOCK,
-) -> Iterator[RegressorBlock]:
-    """Regressors of the ground wrench.
+) -> Iterator[tuple[slice, Array]]:
+    """Regressors of the ground wrench: some frames, and (n, 6, 10 n_links) of these, frames first.
+
+    Force and moment about the root link's origin, ground axes: what all external loads together must provide.
 
     ``mechanism``: its inertias are not used.
     ``p``: (n_parameters,).
@@ -180,7 +172,7 @@ def compute_regressor_blocks(
         result[:, 4:, 3:] = _compute_tensor_columns(axes, omega, alpha)
         links = result.reshape(-1, 6, rows.stop - rows.start)
         links[:, 3:] -= cross(state.poses.origins[0], links[:, :3])
-        yield RegressorBlock(rows, np.ascontiguousarray(np.moveaxis(links, -1, 0).transpose(0, 2, 1)))
+        yield rows, np.ascontiguousarray(np.moveaxis(links, -1, 0).transpose(0, 2, 1))
 
 
 def _compute_tensor_columns(axes: Array, omega: Array, alpha: Array) -> Array:
@@ -196,32 +188,33 @@ def _compute_tensor_columns(axes: Array, omega: Array, alpha: Array) -> Array:
             local[:, column, j] += a[:, i]
             turned[:, j] += w[:, i]
         local[:, column] += cross(w, turned)
-    moments: Array = np.einsum("kjan,kcjn->kcan", axes, local)
-    return moments
+    return np.asarray(np.einsum("kjan,kcjn->kcan", axes, local))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WrenchRates:
-    """The net wrench and how it changes."""
+def differentiate_wrench(mechanism: motions.Mechanism, screws: motions.Screws, m: int) -> tuple[Array, Array]:
+    """The net wrench and how it changes.
 
-    # (6, n): force (N) and moment about the ground origin (N m) that all external loads together must provide
-    wrench: Array
-    by: Array  # (n, 6, 3, m): derivatives with respect to q, qdot and qddot of the m free coordinates
-
-
-def differentiate_wrench(
-    mechanism: motions.Mechanism, screws: motions.Screws, m: int, gravity: Array = GRAVITY
-) -> WrenchRates:
-    """Derivatives of the net wrench.
-
-    ``screws``: of its free coordinates.
-    ``m``: the number of free coordinates.
-    ``gravity``: (3,), m/s2.
+    ``screws``: of its ``m`` free coordinates.
+    Returns (6, n), force (N) and moment about the ground origin (N m) that all external loads together must
+        provide; (n, 6, 3, m), its derivatives with respect to q, qdot and qddot.
     """
     state, n = screws.state, screws.rates.shape[-1]
-    inertia = compute_spatial_inertias(mechanism, state)
+    # Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist.
+    inertias, axes = mechanism.inertias, state.poses.axes
+    at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
+    own = np.einsum("kian,kij,kjbn->kabn", axes, inertias.tensor, axes, optimize=True)
+    mass = inertias.mass[:, None, None, None]
+    # Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n).
+    arm = np.stack([cross(at, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
+    result = np.zeros((len(axes), 6, 6, axes.shape[-1]))
+    for i in range(3):
+        result[:, i, i] = inertias.mass[:, None]
+    result[:, :3, 3:] = -mass * arm
+    result[:, 3:, :3] = mass * arm
+    result[:, 3:, 3:] = own - mass * np.einsum("kabn,kbcn->kacn", arm, arm)
+    inertia = result
     momentum = np.einsum("kabn,kbn->kan", inertia, state.twists)
-    forces = link_wrenches(mechanism, state, gravity)
+    forces = link_wrenches(mechanism, state)
     # `V x* I - I V x` of every link, (k, 6, 6, n).
     columns = np.moveaxis(inertia, 2, 1)  # (k, column, row, n); the matrix is symmetric
     half = np.moveaxis(motions.cross_wrench(state.twists[:, None], columns), 1, 2)
@@ -233,7 +226,7 @@ def differentiate_wrench(
     )
     screw, first, second = screws.rates
     g = np.zeros((6, 1))
-    g[:3, 0] = gravity
+    g[:3, 0] = GRAVITY
     by_q = (
         _multiply(composite, second)
         + _multiply(composite_rate, first)
@@ -247,26 +240,8 @@ def differentiate_wrench(
     by_entry = np.stack([by_q, by_qdot, _multiply(composite, screw)], axis=1)
     by = np.zeros((m, 3, 6, n))
     np.add.at(by, screws.columns, by_entry)
-    return WrenchRates(forces.sum(axis=0), np.ascontiguousarray(by.transpose(3, 2, 1, 0)))
-
-
-def compute_spatial_inertias(mechanism: motions.Mechanism, state: motions.LinkMotion) -> Array:
-    """Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist."""
-    inertias, axes = mechanism.inertias, state.poses.axes
-    at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
-    own = np.einsum("kian,kij,kjbn->kabn", axes, inertias.tensor, axes, optimize=True)
-    mass = inertias.mass[:, None, None, None]
-    # Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n).
-    arm = np.stack([cross(at, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
-    result = np.zeros((len(axes), 6, 6, axes.shape[-1]))
-    for i in range(3):
-        result[:, i, i] = inertias.mass[:, None]
-    result[:, :3, 3:] = -mass * arm
-    result[:, 3:, :3] = mass * arm
-    result[:, 3:, 3:] = own - mass * np.einsum("kabn,kbcn->kacn", arm, arm)
-    return result
+    return forces.sum(axis=0), np.ascontiguousarray(by.transpose(3, 2, 1, 0))
 
 
 def _multiply(matrix: Array, vector: Array) -> Array:
-    product: Array = np.einsum("kabn,kbn->kan", matrix, vector)
-    return product
+    return np.asarray(np.einsum("kabn,kbn->kan", matrix, vector))

@@ -10,7 +10,7 @@ import pytest
 from scaling_service.capabilities.consistent.estimate import estimate_consistent
 from scaling_service.capabilities.consistent.motion import solve_consistent_motion
 from scaling_service.capabilities.consistent.planar import find_sagittal_plane, project_loads
-from scaling_service.capabilities.consistent.problem import ConsistentSettings, State
+from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import (
     estimate_classical_motion,
     gather_limits,
@@ -18,6 +18,7 @@ from scaling_service.capabilities.consistent.recording import (
 )
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
+from scaling_service.numerics.signals.splines import Unknowns
 from scaling_service.studies.futamure.squatters import make_virtual_squatter
 from scaling_service.studies.futamure.study import make_recording, start_model
 
@@ -33,7 +34,7 @@ def test_without_faults_the_truth_is_found_and_kept() -> None:
     problem = pose_problem(
         FAULTLESS.model, recording, estimate_classical_motion(FAULTLESS.model, recording, SETTINGS), SETTINGS
     )
-    start = State(problem.basis.fit(recording.motion.q), np.zeros(problem.n_shared))
+    start = Unknowns(problem.basis.fit(recording.motion.q), np.zeros(problem.n_shared))
     found = solve_consistent_motion(problem, start, gather_limits(FAULTLESS.model, problem))
     truth = FAULTLESS.fitted.truth.q
     error = np.degrees(np.sqrt(((found.rated.q - truth) ** 2).mean(axis=0)))
@@ -80,7 +81,7 @@ def test_joint_limits_hold(started: tuple[BodyModel, object]) -> None:
     problem = pose_problem(
         bounded, recording, estimate_classical_motion(bounded, recording, SETTINGS), SETTINGS
     )
-    start = State(problem.basis.fit(recording.motion.q), np.zeros(problem.n_shared))
+    start = Unknowns(problem.basis.fit(recording.motion.q), np.zeros(problem.n_shared))
     found = solve_consistent_motion(problem, start, gather_limits(bounded, problem))
     assert found.rated.q[:, 1].max() <= knee + 1e-12
     assert found.rated.q[:, 1].max() > knee - 0.01

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -59,16 +57,6 @@ def test_the_sum_of_equation_12_and_its_lines(found: SampledUncertainty) -> None
     added = np.array([level.added_m for level in found.levels])
     np.testing.assert_allclose(added, np.array([0.2, 0.4, 0.6, 0.8, 1.0]) * found.reconstruction_error_m)
     np.testing.assert_array_equal(found.calibration_supported, found.dr > found.total)
-
-
-def test_workers_change_nothing(found: SampledUncertainty) -> None:
-    few = replace(FEW, samples=4, motions=40)
-    alone = propagate_by_samples(recording(), few)
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        together = propagate_by_samples(recording(), few, executor=pool)
-    for name in ("slopes_per_cm", "plate", "dr", "r2"):
-        np.testing.assert_array_equal(getattr(alone, name), getattr(together, name))
-    assert not np.array_equal(alone.slopes_per_cm, found.slopes_per_cm)
 
 
 def test_plates_shift_the_mean_residual_by_the_root_of_the_frames() -> None:

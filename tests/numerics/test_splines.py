@@ -11,7 +11,7 @@ from scaling_service.numerics.signals.splines import (
     ORDER,
     Quadratic,
     SplineBasis,
-    Step,
+    Unknowns,
     add_to_blocks,
     add_to_rows,
     pack_band,
@@ -97,7 +97,7 @@ def test_bands_hold_the_dense_normal_matrix_and_its_solution() -> None:
     whole = np.block([[dense, border.reshape(-1, k)], [border.reshape(-1, k).T, corner]])
     both = np.concatenate([step.ravel(), x])
     linear = np.concatenate([gradient.ravel(), quadratic.shared_gradient])
-    assert quadratic.at(Step(step, x)) == pytest.approx(2.0 + 2 * linear @ both + both @ whole @ both)
+    assert quadratic.at(Unknowns(step, x)) == pytest.approx(2.0 + 2 * linear @ both + both @ whole @ both)
     held = RNG.random(count * m) < 0.2
     found = solve_band(pack_band(blocks), gradient.reshape(-1, 1), held)[:, 0]
     free = ~held

@@ -22,9 +22,9 @@ def test_regressor_times_parameters_is_the_wrench(name: str) -> None:
     parameters = mechanism.inertias.parameters().ravel()
     known = compute_inverse_dynamics(mechanism, motion, NONE)
     scale = np.abs(known.forces).max()
-    for block in compute_regressor_blocks(mechanism, motion, NONE, size=4):
-        ground = known.residual[:, block.rows].T
-        np.testing.assert_allclose(block.ground @ parameters, ground, rtol=0, atol=1e-11 * scale)
+    for rows, regressor in compute_regressor_blocks(mechanism, motion, NONE, size=4):
+        ground = known.residual[:, rows].T
+        np.testing.assert_allclose(regressor @ parameters, ground, rtol=0, atol=1e-11 * scale)
 
 
 def test_the_regressor_of_coupled_joints_gives_their_wrench() -> None:
@@ -32,8 +32,8 @@ def test_the_regressor_of_coupled_joints_gives_their_wrench() -> None:
     mechanism = compile_mechanism(with_random_masses(leg(rng, coupled=True), rng))
     motion = random_motion(rng, 10, 5)
     known = compute_inverse_dynamics(mechanism, motion, NONE)
-    (block,) = compute_regressor_blocks(mechanism, motion, NONE)
-    given = block.ground @ mechanism.inertias.parameters().ravel()
+    ((_, regressor),) = compute_regressor_blocks(mechanism, motion, NONE)
+    given = regressor @ mechanism.inertias.parameters().ravel()
     np.testing.assert_allclose(given, known.residual.T, rtol=0, atol=1e-11 * np.abs(known.forces).max())
 
 

@@ -19,6 +19,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
+from scaling_service.numerics.signals import splines
 
 Progress = abc.Callable[[str], None]
 
@@ -111,7 +112,7 @@ def estimate_consistent(
             geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
             for r, m in zip(fitted, moved, strict=True)
         ]
-        found = geometric.identify_geometry(
+        placed, factors = geometric.identify_geometry(
             model,
             names,
             recorded,
@@ -123,9 +124,8 @@ def estimate_consistent(
                 len(r.trial.times) / consistent_recording.count_repeats(r, settings) for r in fitted
             ),
         )
-        factors = dict(found.factors)
         say(f"{loop}: inertia")
-        prior = inertia.with_inertias(found.model, inertia.gather_inertias(model))
+        prior = inertia.with_inertias(placed, inertia.gather_inertias(model))
         forces = [
             ForceRecording(inverse_dynamics.compute_dynamics(prior, m, r.loads, trial=r.name), r.supported)
             for r, m in zip(fitted, rated, strict=False)
@@ -154,7 +154,12 @@ def estimate_consistent(
             _measure_errors(r, m.rated, m.objectives, m.weight)
             for r, m in zip(recordings, final, strict=True)
         ),
-        predicted=tuple(_predict(now, r, settings) for r in recordings),
+        predicted=tuple(
+            _measure_unchanged(
+                now, r, consistent_recording.estimate_classical_motion(now, r, settings), settings
+            )
+            for r in (dataclasses.replace(r, motion=inverse_kinematics(now, r.trial)) for r in recordings)
+        ),
         inertial=inertial,
         factors=factors,
         outer_iterations=len(history),
@@ -176,7 +181,7 @@ def _balance(
     shared, count = np.zeros(problem.n_shared), problem.shifts.count
     if before is not None:
         shared[:count] = before.state.shared[:count]
-    start = problems.State(problem.basis.fit(rated.q[:, problem.free]), shared)
+    start = splines.Unknowns(problem.basis.fit(rated.q[:, problem.free]), shared)
     return motion.solve_consistent_motion(
         problem,
         start,
@@ -194,18 +199,6 @@ def _measure_unchanged(
     """How far a motion is from what was measured, without changing it."""
     problem = consistent_recording.pose_problem(model, recording, rated, settings)
     return _measure_errors(recording, rated, problem.objectives_of(rated.rates))
-
-
-def _predict(
-    model: BodyModel,
-    recording: consistent_recording.ConsistentRecording,
-    settings: problems.ConsistentSettings,
-) -> TrackedRecording:
-    """The classical two steps anew."""
-    again = dataclasses.replace(recording, motion=inverse_kinematics(model, recording.trial))
-    return _measure_unchanged(
-        model, again, consistent_recording.estimate_classical_motion(model, again, settings), settings
-    )
 
 
 def _measure_errors(

@@ -35,29 +35,12 @@ class KnownMotion:
     q: Array  # (n, n_coordinates), rad or m: in the model's order
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GeometricIdentification:
-    """A model with other lengths and marker coordinates."""
-
-    model: BodyModel
-    factors: abc.Mapping[str, float]  # segment to its length over that of the start
-
-
 @dataclass(frozen=True, slots=True)
 class GeometryPrior:
     """What is known before: the start, with these standard deviations."""
 
     length_sd: float  # relative
     marker_sd_m: float  # of each coordinate
-
-    def weights(self, freed: BodyModel) -> Array:
-        """Inverse variances of all parameters, (k,)."""
-        return np.array(
-            [
-                1.0 / (self.length_sd if p.group == "length" else self.marker_sd_m) ** 2
-                for p in freed.parameters
-            ]
-        )
 
 
 def identify_geometry(
@@ -70,8 +53,8 @@ def identify_geometry(
     axes: str = "xyz",
     prior: GeometryPrior | None = None,
     independent: float = 1.0,
-) -> GeometricIdentification:
-    """Identify lengths and marker coordinates.
+) -> tuple[BodyModel, dict[str, float]]:
+    """Identify lengths and marker coordinates: the model with these, and lengths by segment over the start's.
 
     Markers are in the order of the recordings' columns, weighted by their expected errors. Lengths, and
     marker coordinates by their distance from the segment's origin, stay within a share ``bound`` of their
@@ -122,9 +105,9 @@ def identify_geometry(
             "no marker is seen in any frame", file=fitted[0].name, field="markers", remedy="Record them again"
         )
     if prior is not None:
-        normal = normal * independent
-        slope = slope * independent
-        normal[np.diag_indices_from(normal)] += prior.weights(freed)
+        normal, slope = normal * independent, slope * independent
+        sds = [prior.length_sd if p.group == "length" else prior.marker_sd_m for p in freed.parameters]
+        normal[np.diag_indices_from(normal)] += [1.0 / sd**2 for sd in sds]
     normal[np.diag_indices_from(normal)] += _EVEN * np.trace(normal) / len(normal)
     values, vectors = np.linalg.eigh(normal)
     values = np.maximum(values, 1e-15 * values[-1])
@@ -133,5 +116,4 @@ def identify_geometry(
     folded = parameters.fold(freed, found)
     sizes = {m.name: m.follows_size for m in model.markers}
     changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
-    factors = {p.target: found[p.name] for p in freed.parameters if p.group == "length"}
-    return GeometricIdentification(changed, factors)
+    return changed, {p.target: found[p.name] for p in freed.parameters if p.group == "length"}

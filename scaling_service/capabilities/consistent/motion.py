@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class ConsistentMotion:
     """A motion and how it was balanced."""
 
     rated: RatedMotion  # velocities and accelerations are exact derivatives of the angles
-    state: problems.State  # coefficients of the splines of the free coordinates, and the shared numbers
+    state: splines.Unknowns  # coefficients of the splines of the free coordinates, and the shared numbers
     objectives: problems.Objectives
     # (n, n_markers, 3), m: how far markers glide on their segments, in ground axes: the artefact that follows
     # the joints
@@ -54,7 +55,7 @@ class ConsistentMotion:
 
 def solve_consistent_motion(
     problem: problems.ConsistentProblem,
-    start: problems.State,
+    start: splines.Unknowns,
     bounds: tuple[Array, Array],
     weight: float = 1.0,
 ) -> ConsistentMotion:
@@ -64,10 +65,11 @@ def solve_consistent_motion(
     Gauss-Newton on both objectives. At every step the weight is sought at which both, in units of what is
     expected of them, are equal: goal attainment with the goal zero, as in the paper.
     """
-    at = problems.State(np.clip(start.coefficients, *bounds), start.shared)
+    at = splines.Unknowns(np.clip(start.coefficients, *bounds), start.shared)
     now = problem.objectives(at)
     for _ in range(STEPS):
-        front = Front.of(*problem.normal(at), at.coefficients, bounds)
+        markers, wrench = problem.normal(at)
+        front = Front(markers=markers, wrench=wrench, at=at.coefficients, bounds=bounds)
         step, weight = balance(front, weight)
         after, at = _descend(problem, at, now, step, weight)
         changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
@@ -87,23 +89,23 @@ def solve_consistent_motion(
 
 def _descend(
     problem: problems.ConsistentProblem,
-    at: problems.State,
+    at: splines.Unknowns,
     now: problems.Objectives,
-    step: splines.Step,
+    step: splines.Unknowns,
     weight: float,
-) -> tuple[problems.Objectives, problems.State]:
+) -> tuple[problems.Objectives, splines.Unknowns]:
     """The step, halved until the weighted sum falls; where it never does, no step."""
     before = now.markers + weight * now.wrench
     for halving in range(HALVINGS):
         share = 0.5**halving
-        moved = problems.State(at.coefficients + share * step.coefficients, at.shared + share * step.shared)
+        moved = splines.Unknowns(at.coefficients + share * step.coefficients, at.shared + share * step.shared)
         after = problem.objectives(moved)
         if after.markers + weight * after.wrench < before:
             return after, moved
     return now, at
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Front:
     """Minimises weighted sums of two quadratics between bounds."""
 
@@ -111,22 +113,13 @@ class Front:
     wrench: splines.Quadratic
     at: Array  # (n_coefficients, m): the coefficients that steps start from
     bounds: tuple[Array, Array]  # (m,)
-    bands: tuple[Array, Array]  # lower bands of both matrices
 
-    @classmethod
-    def of(
-        cls, markers: splines.Quadratic, wrench: splines.Quadratic, at: Array, bounds: tuple[Array, Array]
-    ) -> Front:
-        """Pose it."""
-        return cls(
-            markers=markers,
-            wrench=wrench,
-            at=at,
-            bounds=bounds,
-            bands=(splines.pack_band(markers.blocks), splines.pack_band(wrench.blocks)),
-        )
+    @cached_property
+    def bands(self) -> tuple[Array, Array]:
+        """Lower bands of both matrices."""
+        return splines.pack_band(self.markers.blocks), splines.pack_band(self.wrench.blocks)
 
-    def step(self, weight: float) -> splines.Step:
+    def step(self, weight: float) -> splines.Unknowns:
         """The step that minimises markers + weight * wrench between the bounds.
 
         Coefficients that would pass a bound are put on it, and the others solved again.
@@ -150,16 +143,16 @@ class Front:
             pull = markers.shared_gradient + weight * wrench.shared_gradient
             pull = pull + np.einsum("amk,am->k", border, fixed) - flat.T @ solved[:, 0]
             shared = np.linalg.solve(corner, -pull) if k else np.zeros(0)
-            found = splines.Step(fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape), shared)
-            beyond = ((found.coefficients < low) | (found.coefficients > high)) & ~held
+            found = fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape)
+            beyond = ((found < low) | (found > high)) & ~held
             if not beyond.any():
                 break
             held |= beyond
-            fixed = np.where(held, np.clip(found.coefficients, low, high), 0.0)
-        return splines.Step(np.asarray(np.clip(found.coefficients, low, high)), found.shared)
+            fixed = np.where(held, np.clip(found, low, high), 0.0)
+        return splines.Unknowns(np.asarray(np.clip(found, low, high)), shared)
 
 
-def balance(front: Front, guess: float = 1.0) -> tuple[splines.Step, float]:
+def balance(front: Front, guess: float) -> tuple[splines.Unknowns, float]:
     """The step at which both objectives are equal, and the weight of the wrench there.
 
     Both are counted in units of what is expected of them, and both goals are zero (Futamure et al., section

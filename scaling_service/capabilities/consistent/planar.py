@@ -111,11 +111,11 @@ def scale_squat(generic: body.BodyModel, trial: Trial) -> body.BodyModel:
         if name in generic.marker_names
     }
     own = {m.name: np.array(m.nominal)[:2] for m in generic.markers}
-    size = {
-        "shank": _measure_length(seen["KNE"] - seen["ANK"]) / _measure_length(own["KNE"] - own["ANK"]),
-        "torso": _measure_length(seen["SHO"] - _find_pelvis_middle(seen))
-        / _measure_length(own["SHO"] - _find_pelvis_middle(own)),
-    }
+    measured, given = (
+        [_measure_length(way) for way in (at["KNE"] - at["ANK"], at["SHO"] - 0.5 * (at["ASI"] + at["PSI"]))]
+        for at in (seen, own)
+    )
+    size = {"shank": measured[0] / given[0], "torso": measured[1] / given[1]}
     trunk = [m.name for m in generic.markers if m.segment == "torso" and m.name in seen]
     # Turn and shift that bring points onto others best, in the plane
     local = size["torso"] * np.array([own[n] for n in trunk])
@@ -159,10 +159,6 @@ def _average_standing_place(trial: Trial, name: str) -> Array:
             remedy="Begin the recording with quiet standing",
         )
     return np.asarray(values.mean(axis=0))
-
-
-def _find_pelvis_middle(points: Mapping[str, Array]) -> Array:
-    return 0.5 * (points["ASI"] + points["PSI"])
 
 
 def _measure_length(vector: Array) -> float:
@@ -221,8 +217,8 @@ def prepare_squat(
         planar[path.stem] = (in_plane(trial, plane), project_loads(loads, plane))
     standing, _ = next(iter(planar.values()))
     model = loaded.session.model if chosen.start == AS_IT_IS else scale_squat(loaded.session.model, standing)
-    massive = start.with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
-    motions = {name: inverse_kinematics(massive.model, trial) for name, (trial, _) in planar.items()}
+    model, inertia, notes = start.with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
+    motions = {name: inverse_kinematics(model, trial) for name, (trial, _) in planar.items()}
     recordings = {
         name: recording.ConsistentRecording(
             trial=trial,
@@ -237,11 +233,11 @@ def prepare_squat(
     prepared = start.Prepared(
         loaded=loaded,
         start=chosen.start or STANDING,
-        inertia=massive.inertia,
-        model=massive.model,
+        inertia=inertia,
+        model=model,
         motions=motions,
         forces={},
         calibration=None,
-        warnings=(*loaded.session.warnings, *massive.notes),
+        warnings=(*loaded.session.warnings, *notes),
     )
     return prepared, recordings

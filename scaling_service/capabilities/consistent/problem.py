@@ -75,14 +75,6 @@ class WrenchTargets:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """Coefficients (n_coefficients, m), and shared numbers (k,) in standard deviations."""
-
-    coefficients: Array
-    shared: Array
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Objectives:
     """What a motion leaves unexplained."""
 
@@ -131,8 +123,8 @@ class ConsistentProblem:
         parameters = self.mechanism.inertias.parameters() + change.reshape(-1, motions.N_PARAMETERS)
         return dataclasses.replace(self.mechanism, inertias=motions.Inertias.of_parameters(parameters))
 
-    def objectives(self, state: State) -> Objectives:
-        """Both objectives."""
+    def objectives(self, state: splines.Unknowns) -> Objectives:
+        """Both objectives; shared numbers are in standard deviations."""
         return self.objectives_of(self.motion(state.coefficients), state.shared)
 
     def objectives_of(self, motion: motions.Motion, shared: Array | None = None) -> Objectives:
@@ -148,11 +140,12 @@ class ConsistentProblem:
             gaps[rows] = np.where(targets.weights[0, ..., None] > 0, targets.values[0] - rigid[0], 0.0)
             total += float(squares.sum())
             wrench = numerics_wrench.link_wrenches(mechanism, state).sum(axis=0)
-            wrench_gaps[rows] = self.wrench.values[rows] - self._about(wrench, rows).T
+            about = numerics_wrench.move_moment(wrench, self.wrench.about[rows].T)
+            wrench_gaps[rows] = self.wrench.values[rows] - about.T
         known = total + self.prior * float(x @ x)
         return Objectives(known, float((self.wrench.weights * wrench_gaps**2).sum()), gaps, wrench_gaps)
 
-    def glide(self, state: State) -> Array:
+    def glide(self, state: splines.Unknowns) -> Array:
         """Displacement of markers that follows the joints, without constant shifts, (n, n_markers, 3), m."""
         motion, n = self.motion(state.coefficients), len(self.basis.times)
         x = np.where(self.shifts.signal == CONSTANT, 0.0, state.shared[: self.shifts.count])
@@ -163,33 +156,52 @@ class ConsistentProblem:
             result[rows] = shifts.move(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
         return result
 
-    def normal(self, at: State) -> tuple[splines.Quadratic, splines.Quadratic]:
+    def normal(self, at: splines.Unknowns) -> tuple[splines.Quadratic, splines.Quadratic]:
         """Gauss-Newton models of both objectives."""
         motion, m, k = self.motion(at.coefficients), len(self.free), self.n_shared
         mechanism, glide = self.move_mechanism(at.shared), slice(0, self.shifts.count)
-        markers, wrenches = (_Sum.empty(self.basis, m, k) for _ in range(2))
+        markers, wrenches = (splines.Quadratic.empty(self.basis.n_coefficients, m, k) for _ in range(2))
         for rows in numerics_wrench.split_blocks(len(self.basis.times), BLOCK):
             screws = motions.list_screws(mechanism, motion.block(rows), self.p, self.free)
             shifts, moved, columns, targets = self._marker_block(screws.state, at.shared, rows)
             gap, squares = marker_rates.compute_marker_misfit(moved, targets)
             by = marker_rates.list_twist_rows(moved)
-            markers.add(
-                rows,
-                float(squares.sum()),
-                *marker_rates.form_normal_equations(
-                    mechanism, self.tree, screws, by, gap, targets.weights, m
-                ),
+            said = marker_rates.form_normal_equations(
+                mechanism, self.tree, screws, by, gap, targets.weights, m
             )
+            self._add(markers, rows, float(squares.sum()), *said)
             if shifts.count:
-                found = marker_rates.shift_normal(
+                shared = marker_rates.shift_normal(
                     shifts, mechanism, self.tree, screws, by, columns, gap, targets.weights, m
                 )
-                markers.add_shared(rows, glide, found.gradient, found.corner, found.cross)
+                self._add_shared(markers, rows, glide, *shared)
             self._add_wrench(wrenches, mechanism, screws, motion.block(rows), rows, m)
         markers.value += self.prior * float(at.shared @ at.shared)
-        markers.of.shared_gradient[:] += self.prior * at.shared
-        markers.of.corner[np.diag_indices(k)] += self.prior
-        return markers.quadratic(), wrenches.quadratic()
+        markers.shared_gradient += self.prior * at.shared
+        markers.corner[np.diag_indices(k)] += self.prior
+        return markers, wrenches
+
+    def _add(
+        self, total: splines.Quadratic, rows: slice, value: float, gradient: Array, curvature: Array
+    ) -> None:
+        """Add what some frames say of the coefficients."""
+        total.value += value
+        splines.add_to_rows(self.basis, rows, total.gradient, gradient)
+        splines.add_to_blocks(self.basis, rows, total.blocks, curvature)
+
+    def _add_shared(
+        self,
+        total: splines.Quadratic,
+        rows: slice,
+        which: slice,
+        gradient: Array,
+        corner: Array,
+        cross: Array,
+    ) -> None:
+        """Add what some frames say of some shared numbers."""
+        total.shared_gradient[which] += gradient
+        total.corner[which, which] += corner
+        splines.add_to_rows(self.basis, rows, total.border[:, :, which], cross)
 
     def _marker_block(
         self, state: motions.LinkMotion, shared: Array, rows: slice
@@ -202,26 +214,29 @@ class ConsistentProblem:
 
     def _add_wrench(
         self,
-        total: _Sum,
+        total: splines.Quadratic,
         mechanism: motions.Mechanism,
         screws: motions.Screws,
         motion: motions.Motion,
         rows: slice,
         m: int,
     ) -> None:
-        rates = numerics_wrench.differentiate_wrench(mechanism, screws, m)
-        by = self._moments_about(rates.by.reshape(-1, 6, 3 * m), rows, np.zeros((3, motion.n)))
-        gap = self.wrench.values[rows] - self._about(rates.wrench, rows).T
+        needed, rates = numerics_wrench.differentiate_wrench(mechanism, screws, m)
+        by = self._moments_about(rates.reshape(-1, 6, 3 * m), rows, np.zeros((3, motion.n)))
+        gap = self.wrench.values[rows] - numerics_wrench.move_moment(needed, self.wrench.about[rows].T).T
         heavy = self.wrench.weights[rows]
         weighed = np.swapaxes(by * heavy[..., None], 1, 2)
         curvature = (weighed @ by).reshape(-1, 3, m, 3, m).transpose(0, 1, 3, 2, 4)
         gradient = -(weighed @ gap[..., None]).reshape(-1, 3, m)
-        total.add(rows, float((heavy * gap**2).sum()), gradient, curvature)
+        self._add(total, rows, float((heavy * gap**2).sum()), gradient, curvature)
         if self.inertia.shape[1]:
-            (block,) = numerics_wrench.compute_regressor_blocks(mechanism, motion, self.p, size=BLOCK)
+            ((_, regressor),) = numerics_wrench.compute_regressor_blocks(
+                mechanism, motion, self.p, size=BLOCK
+            )
             root = screws.state.poses.origins[0]
-            columns = self._moments_about(block.ground @ self.inertia, rows, root)
-            total.add_shared(
+            columns = self._moments_about(regressor @ self.inertia, rows, root)
+            self._add_shared(
+                total,
                 rows,
                 slice(self.shifts.count, self.n_shared),
                 -np.einsum("nck,nc,nc->k", columns, heavy, gap),
@@ -235,45 +250,3 @@ class ConsistentProblem:
         result = columns.copy()
         result[:, 3:] += np.cross(arm[:, None], columns[:, :3], axisa=2, axisb=1, axisc=1)
         return result
-
-    def _about(self, wrench: Array, rows: slice) -> Array:
-        return numerics_wrench.move_moment(wrench, self.wrench.about[rows].T)
-
-
-@dataclasses.dataclass(slots=True, eq=False)
-class _Sum:
-    """A quadratic while frames are added; its own value comes last."""
-
-    basis: splines.SplineBasis
-    of: splines.Quadratic
-    value: float = 0.0
-
-    @classmethod
-    def empty(cls, basis: splines.SplineBasis, m: int, k: int) -> _Sum:
-        """Nothing said yet."""
-        count = basis.n_coefficients
-        of = splines.Quadratic(
-            value=0.0,
-            gradient=np.zeros((count, m)),
-            blocks=np.zeros((splines.ORDER, count, m, m)),
-            shared_gradient=np.zeros(k),
-            border=np.zeros((count, m, k)),
-            corner=np.zeros((k, k)),
-        )
-        return cls(basis, of)
-
-    def add(self, rows: slice, value: float, gradient: Array, curvature: Array) -> None:
-        """Add what some frames say of the coefficients."""
-        self.value += value
-        splines.add_to_rows(self.basis, rows, self.of.gradient, gradient)
-        splines.add_to_blocks(self.basis, rows, self.of.blocks, curvature)
-
-    def add_shared(self, rows: slice, which: slice, gradient: Array, corner: Array, cross: Array) -> None:
-        """Add what some frames say of some shared numbers."""
-        self.of.shared_gradient[which] += gradient
-        self.of.corner[which, which] += corner
-        splines.add_to_rows(self.basis, rows, self.of.border[:, :, which], cross)
-
-    def quadratic(self) -> splines.Quadratic:
-        """The sum."""
-        return dataclasses.replace(self.of, value=self.value)

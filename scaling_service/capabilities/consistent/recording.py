@@ -95,37 +95,6 @@ def expect_artefacts(model: body.BodyModel) -> dict[str, float]:
     return found
 
 
-def make_artefact_shifts(
-    model: body.BodyModel,
-    names: tuple[str, ...],
-    q: Array,
-    basis: SplineBasis,
-    expected_m: abc.Mapping[str, float],
-    *,
-    axes: tuple[int, ...],
-    placed_m: float,
-) -> marker_rates.MarkerShifts:
-    """Shared shifts of all markers: one that follows the joints at the segment's ends, and a constant one.
-
-    The motion ``q`` (n, n_coordinates), as far as it is known, drives the skin along the local ``axes``.
-    ``placed_m`` is the standard deviation of what is wrong with a marker's place on its segment; where zero,
-    there are no constant shifts.
-    """
-    driven = {s.name: _find_driver(model, s, q) for s in model.segments}
-    moving = {name: k for k, name in enumerate(n for n, way in driven.items() if way is not None)}
-    rows: list[tuple[int, int, int, float]] = []
-    for k, name in enumerate(names):
-        signal, expected = moving.get(model.marker(name).segment), expected_m[name]
-        if signal is not None:
-            rows += [(k, axis, 1 + signal, expected) for axis in axes]
-            rows += [(k, axis, 0, min(placed_m, expected)) for axis in axes if placed_m > 0.0]
-    columns = np.stack([np.ones(len(q)), *(way for way in driven.values() if way is not None)], axis=1)
-    signals = np.stack(basis.evaluate(basis.fit(columns)))
-    table = np.array(rows, dtype=float).reshape(-1, 4)
-    marker, axis, which = (table[:, i].astype(np.intp) for i in range(3))
-    return marker_rates.MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
-
-
 def _find_driver(model: body.BodyModel, segment: body.Segment, q: Array) -> Array | None:
     """First principal component of the angles at a segment's ends, of range one or less, (n,)."""
     joints = [
@@ -181,7 +150,8 @@ class ConsistentRecording:
     def part(self, rows: slice, name: str) -> ConsistentRecording:
         """Only these frames, under another name."""
         motion, loads = self.motion, self.loads
-        return ConsistentRecording(
+        return dataclasses.replace(
+            self,
             trial=dataclasses.replace(self.trial.frames(rows), name=name),
             motion=dataclasses.replace(
                 motion,
@@ -193,7 +163,6 @@ class ConsistentRecording:
             loads=SegmentLoads(loads.times[rows], loads.segments, loads.force[rows], loads.moment[rows]),
             supported=self.supported[rows],
             about=self.about[rows],
-            components=self.components,
         )
 
 
@@ -240,8 +209,7 @@ def pose_problem(
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
     # Positions as measured, rates of splines through them, and how many errors are new. Velocities and
     # accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
-    labels = recording.motion.markers
-    measured = recording.trial.select(labels).markers
+    measured = recording.trial.select(names).markers
     seen = np.asarray(np.isfinite(measured).all(axis=2))
     n = len(measured)
     splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
@@ -249,10 +217,25 @@ def pose_problem(
     values[0] = measured
     values = np.where(seen[None, :, :, None], values, 0.0)
     scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
-    dimensions = 3 if recording.components == SPATIAL else 2
-    total = dimensions * max(float(seen.sum()), 1.0)
+    total = len(axes) * max(float(seen.sum()), 1.0)
     weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
     targets, count = marker_rates.MarkerTargets(values, weights), total / count_repeats(recording, settings)
+    # Shared shifts of all markers: one that follows the joints at the segment's ends, and a constant one.
+    expected_m = expect_artefacts(model)
+    driven = {s.name: _find_driver(model, s, rated.q) for s in model.segments}
+    moving = {name: k for k, name in enumerate(n for n, way in driven.items() if way is not None)}
+    rows: list[tuple[int, int, int, float]] = []
+    for k, name in enumerate(names):
+        signal, expected = moving.get(model.marker(name).segment), expected_m[name]
+        if signal is not None:
+            rows += [(k, axis, 1 + signal, expected) for axis in axes]
+            rows += [
+                (k, axis, 0, min(settings.placed_m, expected)) for axis in axes if settings.placed_m > 0.0
+            ]
+    columns = np.stack([np.ones(len(rated.q)), *(way for way in driven.values() if way is not None)], axis=1)
+    signals = np.stack(basis.evaluate(basis.fit(columns)))
+    table = np.array(rows, dtype=float).reshape(-1, 4)
+    marker, axis, which = (table[:, i].astype(np.intp) for i in range(3))
     return problems.ConsistentProblem(
         mechanism=motions.Mechanism(whole, inertia.gather_inertias(model)),
         tree=alone,
@@ -262,8 +245,8 @@ def pose_problem(
         constant=rated.q[0],
         markers=targets,
         wrench=_make_wrench_targets(model, recording, settings),
-        shifts=make_artefact_shifts(
-            model, names, rated.q, basis, expect_artefacts(model), axes=axes, placed_m=settings.placed_m
+        shifts=marker_rates.MarkerShifts(
+            marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals
         ),
         inertia=np.zeros((motions.N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
         prior=1.0 / count,
@@ -289,12 +272,12 @@ def find_inertial_freedom(
     for recording, motion in zip(recordings, rated, strict=True):
         targets = _make_wrench_targets(model, recording, settings)
         counted = (targets.weights > 0).sum() / count_repeats(recording, settings)
-        for block in wrenches.compute_regressor_blocks(
+        for rows, regressor in wrenches.compute_regressor_blocks(
             inertia.compile_mechanism(model), motion.rates, compiling.list_parameter_values(model)
         ):
-            rows = block.ground @ free
-            heavy = counted * targets.weights[block.rows]
-            information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
+            by = regressor @ free
+            heavy = counted * targets.weights[rows]
+            information += np.einsum("nck,nc,ncl->kl", by, heavy, by, optimize=True)
     gains, vectors = np.linalg.eigh(information)
     return np.asarray(free @ vectors[:, gains > identifications.DECIDES])
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections import abc
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
@@ -13,6 +12,8 @@ import requests
 
 from scaling_service.capabilities.datasets import catalogue
 from scaling_service.core import errors
+
+pooch.get_logger().setLevel("ERROR")  # its own lines stay off the terminal; the caller says what happens
 
 TIMEOUT_S = (10.0, 30.0)
 """To connect, and without any data; chosen: a slow link still answers, a dead one shows within a minute."""
@@ -107,14 +108,13 @@ def fetch(url: str, file: catalogue.RemoteFile, cache: Path, received: Received)
     cannot be written to.
     """
     try:
-        with _quiet():
-            pooch.retrieve(
-                url,
-                known_hash=f"sha256:{file.sha256}",
-                fname=file.saved_as,
-                path=cache,
-                downloader=_Checked(file, received),
-            )
+        pooch.retrieve(
+            url,
+            known_hash=f"sha256:{file.sha256}",
+            fname=file.saved_as,
+            path=cache,
+            downloader=partial(_download, file, received),
+        )
     except requests.RequestException as error:
         # What went wrong on the way, in plain words
         host = urlsplit(url).netloc
@@ -145,31 +145,28 @@ def fetch(url: str, file: catalogue.RemoteFile, cache: Path, received: Received)
     return cache / file.saved_as
 
 
-class _Checked:
-    """Downloads to a scratch file, which pooch deletes if this raises.
+def _download(
+    file: catalogue.RemoteFile, received: Received, url: str, output_file: str, _pooch: object
+) -> None:
+    """Download to a scratch file, which pooch deletes if this raises.
 
     Pooch's own downloader leaves connections open on errors, and does not stop at the size that is known.
     """
-
-    def __init__(self, file: catalogue.RemoteFile, received: Received) -> None:
-        self._file, self._received = file, received
-
-    def __call__(self, url: str, output_file: str, _pooch: object) -> None:
-        file, size = self._file, 0
-        with (
-            requests.get(url, stream=True, timeout=TIMEOUT_S) as response,
-            Path(output_file).open("wb") as scratch,
-        ):
-            response.raise_for_status()
-            for chunk in response.iter_content(_CHUNK_BYTES):
-                size += len(chunk)
-                if size > file.bytes:
-                    raise _report_another(url, file, f"more than {file.bytes} bytes")
-                scratch.write(chunk)
-                self._received(size)
-        found = pooch.file_hash(output_file, alg="sha256")
-        if found != file.sha256:
-            raise _report_another(url, file, f"SHA-256 {found}, {size} bytes")
+    size = 0
+    with (
+        requests.get(url, stream=True, timeout=TIMEOUT_S) as response,
+        Path(output_file).open("wb") as scratch,
+    ):
+        response.raise_for_status()
+        for chunk in response.iter_content(_CHUNK_BYTES):
+            size += len(chunk)
+            if size > file.bytes:
+                raise _report_another(url, file, f"more than {file.bytes} bytes")
+            scratch.write(chunk)
+            received(size)
+    found = pooch.file_hash(output_file, alg="sha256")
+    if found != file.sha256:
+        raise _report_another(url, file, f"SHA-256 {found}, {size} bytes")
 
 
 def _report_another(url: str, file: catalogue.RemoteFile, found: str) -> DownloadFailed:
@@ -181,15 +178,3 @@ def _report_another(url: str, file: catalogue.RemoteFile, found: str) -> Downloa
         remedy="Try again later, or name another address by --base-url; "
         "a network's sign-in page can be the cause, too",
     )
-
-
-@contextmanager
-def _quiet() -> abc.Iterator[None]:
-    """Keep pooch's own lines off the terminal; the caller says what happens."""
-    logger = pooch.get_logger()
-    before = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(before)

@@ -248,15 +248,15 @@ def prepare(
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)
-    massive = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
-    forces, notes = read_ground_forces(loaded, massive.model)
+    model, _, decided = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
+    forces, notes = read_ground_forces(loaded, model)
     fitting = {trial.name for trial in session.calibration or session.evaluation}
     contacts = {
         name: ContactAssignment(
             one.ground,
             find_usable_frames(one.ground, one.contacts),
             chosen.cutoff_hz,
-            find_steps(one, massive.model),
+            find_steps(one, model),
         )
         for name, one in forces.items()
     }
@@ -265,18 +265,16 @@ def prepare(
         for trial in session.dynamic
     )
     if session.static is not None and session.static.n_frames >= MIN_SAMPLES:  # a witness
-        standing, said = (
-            read_standing_forces(loaded, massive.model, chosen.cutoff_hz) if forces else (None, ())
-        )
+        standing, said = read_standing_forces(loaded, model, chosen.cutoff_hz) if forces else (None, ())
         used, notes = (SearchTrial(session.static, "fit", standing), *used), (*notes, *said)
     used, left_out = leave_out_untold(used)
     unmeasured = [
         said
         for trial in session.dynamic
         if (own := forces.get(trial.name)) is not None
-        for said in describe_unmeasured(massive.model, trial, own.loads, own.contacts, chosen.cutoff_hz)
+        for said in describe_unmeasured(model, trial, own.loads, own.contacts, chosen.cutoff_hz)
     ]
-    of_inertia = (_OWN_INERTIA,) if unknown and scaled else massive.notes
+    of_inertia = (_OWN_INERTIA,) if unknown and scaled else decided
     notes = (
         *start.warnings,
         *(f"{said}: the model was scaled without them" for said in exchanged if scaled),
@@ -288,7 +286,7 @@ def prepare(
     return Prepared(
         loaded=loaded,
         start=start.method,
-        model=massive.model,
+        model=model,
         recordings=used,
         forces=forces,
         calibration=start.calibration,

@@ -70,7 +70,9 @@ def prepare(
         kinetics_forces.find_feet(session.model)
         forces, unusable = kinetics_forces.assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
         start = scale_model(loaded, chosen.start, settings, progress=progress)
-        massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
+        model, inertia, notes = with_inertia(
+            start.model, known, chosen.inertia, scaled=start.calibration is not None
+        )
         trials = [trial for trial in session.dynamic if trial.name in forces]
         motions = {t.name: start.motions.get(t.name) or inverse_kinematics(start.model, t) for t in trials}
     without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
@@ -78,12 +80,12 @@ def prepare(
     return Prepared(
         loaded=loaded,
         start=start.method,
-        inertia=massive.inertia,
-        model=massive.model,
+        inertia=inertia,
+        model=model,
         motions=motions,
         forces=forces,
         calibration=start.calibration,
-        warnings=(*start.warnings, *massive.notes, *left_out, *unusable),
+        warnings=(*start.warnings, *notes, *left_out, *unusable),
     )
 
 
@@ -129,22 +131,10 @@ def scale_model(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Massive:
-    """A model with the inertia that was chosen.
-
-    ``inertia`` is a table's name or ``OWN``; ``notes`` say what had to be decided.
-    """
-
-    model: BodyModel
-    inertia: str
-    notes: tuple[str, ...] = ()
-
-
 def with_inertia(
     model: BodyModel, subject: subjects.Subject, inertia: str | None, *, scaled: bool
-) -> Massive:
-    """The model of the person's size with the inertia that was asked for.
+) -> tuple[BodyModel, str, tuple[str, ...]]:
+    """The model of the person's size with the inertia that was asked for, its name, and what was decided.
 
     Unless a table's name or ``OWN`` is given: ``DEFAULT_TABLE`` for a built-in model that was scaled to the
     person, else the model's own.
@@ -152,7 +142,7 @@ def with_inertia(
     names.check_inertia(inertia)
     chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else names.OWN)
     if chosen == names.OWN:
-        return Massive(model, names.OWN)
+        return model, names.OWN, ()
     if subject.height_m is None or subject.mass_kg is None:
         lacking = "mass_kg" if subject.mass_kg is None else "height_m"
         raise SubjectInvalid(
@@ -162,7 +152,7 @@ def with_inertia(
         )
     apply = inertia_planar.apply_to_squat if subject.model == inertia_planar.SQUAT else apply_inertia_table
     result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)
-    return Massive(result.model, chosen, result.notes)
+    return result.model, chosen, result.notes
 
 
 def record_dynamics_provenance(

@@ -103,7 +103,16 @@ def find_unmeasured(
         Unmeasured(kind="flight", start_s=float(times[a]), end_s=float(times[b - 1]), share=0.0)
         for a, b in _list_runs(flying, step, FLIGHT_S)
     ]
-    height = _measure_pelvis_height(dynamics, model)
+    # Height of the root above the lowest joint, over that in the default pose, (n,).
+    mechanism, p = compile_mechanism(model), compiling.list_parameter_values(model)
+
+    def measure_height(q: Array) -> Array:
+        up = pose_links(mechanism.tree, q, p).origins[:, 1]
+        return np.asarray(up[0] - up.min(axis=0))
+
+    height = np.asarray(
+        measure_height(dynamics.motion.rates.q) / measure_height(compiling.repeat_default_pose(model, 1).T)
+    )
     bears = np.stack([(contacts.foot == k).any(axis=1) for k in range(len(contacts.feet))], axis=1)
     beside = contacts.on_floor & ~bears
     for a, b in _list_runs(known & ~flying & (lack > LACKING), step, LASTING_S):
@@ -160,16 +169,3 @@ def _find_reason(
             lost = between or (not bears[:, k].any() and bears.any())
             return ("missing_plate" if lost else "beside"), foot
     return None, ""
-
-
-def _measure_pelvis_height(dynamics: inverse_dynamics.InverseDynamics, model: BodyModel) -> Array:
-    """Height of the root above the lowest joint, over that in the default pose, (n,)."""
-    mechanism, p = compile_mechanism(model), compiling.list_parameter_values(model)
-
-    def measure_height(q: Array) -> Array:
-        up = pose_links(mechanism.tree, q, p).origins[:, 1]
-        return np.asarray(up[0] - up.min(axis=0))
-
-    return np.asarray(
-        measure_height(dynamics.motion.rates.q) / measure_height(compiling.repeat_default_pose(model, 1).T)
-    )

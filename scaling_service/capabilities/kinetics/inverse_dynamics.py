@@ -297,8 +297,7 @@ def compute_residual_indicator(residual: Array, mass_kg: float, height_m: float)
     >>> compute_residual_indicator(np.full((3, 6), 9.80665), 50.0, 2.0).round(12).tolist()
     [0.02, 0.02, 0.02, 0.01, 0.01, 0.01]
     """
-    indicator: Array = _compute_rms(residual) / scale_indicator(mass_kg, height_m)
-    return indicator
+    return np.asarray(_compute_rms(residual) / scale_indicator(mass_kg, height_m))
 
 
 def scale_indicator(mass_kg: float, height_m: float) -> Array:

@@ -106,21 +106,19 @@ def find_triplets(tree: Tree) -> tuple[Triplet, ...]:
             if len(row) == 3:
                 axes = [axis for axis, *_ in row]
                 if max(abs(axes[0] @ axes[1]), abs(axes[1] @ axes[2])) < _SQUARE:
-                    found.append(_make_triplet(axes, row))
+                    lead = float(np.arctan2(axes[1] @ np.cross(axes[0], axes[2]), axes[0] @ axes[2]))
+                    found.append(
+                        Triplet(
+                            np.array([c for _, c, _, _ in row], dtype=np.intp),
+                            np.array([gain for _, _, gain, _ in row]),
+                            np.array([constant for *_, constant in row]),
+                            lead,
+                        )
+                    )
                     row, prefix = [], np.eye(3)
                 else:
                     row = row[1:]
     return tuple(found)
-
-
-def _make_triplet(axes: list[Array], row: list[tuple[Array, int, float, float]]) -> Triplet:
-    lead = float(np.arctan2(axes[1] @ np.cross(axes[0], axes[2]), axes[0] @ axes[2]))
-    return Triplet(
-        np.array([c for _, c, _, _ in row], dtype=np.intp),
-        np.array([gain for _, _, gain, _ in row]),
-        np.array([constant for *_, constant in row]),
-        lead,
-    )
 
 
 def find_loose(tree: Tree, bounds: Bounds) -> NDArray[np.bool_]:
@@ -152,12 +150,8 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
         _join_triplets(Triplet.join(triplets), joined, bounds, natural, neutral)
     joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)
     # Full turns by which whole recordings (n, k) stand away from their ranges, or from the default
-    turns = joined[:, loose]
-    lower = natural[0][loose]
-    upper = natural[1][loose]
-    zero = neutral[loose]
-    middle = _find_middle(lower, upper, zero)
-    joined[:, loose] -= _TURN * np.asarray(np.rint((np.median(turns, axis=0) - middle) / _TURN))
+    middle = _find_middle(natural[0][loose], natural[1][loose], neutral[loose])
+    joined[:, loose] -= _TURN * np.rint((np.median(joined[:, loose], axis=0) - middle) / _TURN)
     return joined
 
 
@@ -192,7 +186,7 @@ def _join_triplets(triplets: Triplet, q: Array, bounds: Bounds, natural: Bounds,
     here = q[:, own]
     other, allowed = write_within(triplets, here, bounds)
     loose = np.isinf(bounds[0][own]) & np.isinf(bounds[1][own])
-    changes = _measure(other[1:] - here[:-1], loose) < _measure(here[1:] - here[:-1], loose)
+    changes = measure_step(other[1:] - here[:-1], loose) < measure_step(here[1:] - here[:-1], loose)
     first = np.cumsum(np.insert(changes, 0, False, axis=0), axis=0) % 2 == 1
     # Either way (2, n, t) as a whole: whether it may be, how far it leaves the ranges, how far the default.
     otherwise = np.stack([first, ~first])
@@ -221,7 +215,8 @@ def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDA
     return other, np.asarray(((other >= lower) & (other <= upper)).all(axis=-1))
 
 
-def _measure(step: Array, loose: NDArray[np.bool_]) -> Array:
+def measure_step(step: Array, loose: NDArray[np.bool_]) -> Array:
+    """Squares (...) of steps (..., k), rad; full turns of what is loose (k,) do not count."""
     return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=-1))
 
 

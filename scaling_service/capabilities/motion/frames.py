@@ -119,7 +119,7 @@ def list_hypotheses(
     """What the frames may be, of a markerless system one, of sensors several; options as of ``mount``."""
     same = dict.fromkeys(segments, np.eye(3))
     if get_rotations(trials[0]).of == "segments":
-        yield from _list_axes(table, trials, segments)
+        yield _find_axes(table, trials, segments)
         return
     worlds = {"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": Z_UP}
     # Where it is known how frames sit on their segments, these say which way is up.
@@ -166,9 +166,9 @@ def average_rotations(turns: Array) -> Array | None:
     return rigid.find_nearest_rotation(known.mean(axis=0)) if len(known) else None
 
 
-def _list_axes(
+def _find_axes(
     table: RotationTable, trials: abc.Sequence[Trial], segments: abc.Mapping[str, str]
-) -> abc.Iterator[Hypothesis]:
+) -> Hypothesis:
     """The axes of a markerless system: as documented; others where pelvis, trunk and legs point otherwise.
 
     Up is the axis that is nearest to the vertical on average, and right the one along the line of the hips.
@@ -192,16 +192,12 @@ def _list_axes(
     best = max(score for score, _ in scores)
     fitting = [shape for score, shape in scores if score > best - 1e-6]
     documented = next((s for s in fitting if np.array_equal(s, table.axes)), None)
-    chosen = (
-        documented
-        if documented is not None
-        else next((s for s in fitting if np.array_equal(s, np.eye(3))), fitting[0])
-    )
+    usual = next((s for s in fitting if np.array_equal(s, np.eye(3))), fitting[0])
+    chosen = usual if documented is None else documented
     names = [("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in chosen]
-    told = f"segments' axes are {names[0]} forward, {names[1]} up, {names[2]} right"
-    said = ", as documented" if documented is not None else ", by where they point in the recordings"
-    yield Hypothesis(
-        told=told + said,
+    said = "as documented" if documented is not None else "by where they point in the recordings"
+    return Hypothesis(
+        told=f"segments' axes are {names[0]} forward, {names[1]} up, {names[2]} right, {said}",
         turn=np.eye(3),
         before=dict.fromkeys(segments, chosen),
         after=dict.fromkeys(segments, np.eye(3)),

@@ -56,19 +56,6 @@ class Mounted:
     notes: tuple[Note, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Solved:
-    """A model with how its frames sit and how well that is known.
-
-    ``level``: how much larger residuals are than expected, as a ratio of lengths. ``askew``: root mean square
-    of how far frames sit off their priors, rad, as far as joints show it.
-    """
-
-    model: BodyModel
-    level: float
-    askew: float
-
-
 def mount(
     model: BodyModel,
     trials: abc.Sequence[Trial],
@@ -124,32 +111,29 @@ def mount(
     if chosen.calibrated:
         calibrating = 1 if standing is None else standing.n_frames
 
-    def solve(one: frames.Hypothesis) -> tuple[_Solved, tuple[Trial, ...]]:
+    def solve(one: frames.Hypothesis) -> tuple[tuple[Trial, ...], BodyModel, float, float]:
         placed = frames.add_frames(model, segments, noise, one, table, measured)
         ready = tuple(frames.add_directions(t, segments, noise, one) if t in measured else t for t in trials)
-        return _solve(placed, ready, segments, noise, calibrating), ready
+        return (ready, *_solve(placed, ready, segments, noise, calibrating))
 
     # First with all that frames may sit askew, to see by how much they do and how well they are followed.
     noise = {label: frames.Noise.of(table, own.white, lasting=table.total) for label, own in noise.items()}
-    solved, ready = solve(chosen)
+    _, solved, level, askew = solve(chosen)
     facing = None
     if chosen.heading is not None:
         # Forward is where the person faces in that pose, as OpenSense has it.
-        facing = next(p.value for p in solved.model.parameters if p.name == frames.HEADING)
+        facing = next(p.value for p in solved.parameters if p.name == frames.HEADING)
         back = rotate_about((0.0, 1.0, 0.0), -facing)
         after = {label: back @ turn for label, turn in chosen.after.items()}
         chosen = replace(chosen, turn=back @ chosen.turn, after=after, heading=0.0)
     # What the recordings show beyond people's widens it, and nothing narrows it.
     noise = {
-        label: frames.Noise.of(table, own.white, max(solved.level, 1.0) * own.passing, solved.askew)
+        label: frames.Noise.of(table, own.white, max(level, 1.0) * own.passing, askew)
         for label, own in noise.items()
     }
-    solved, ready = solve(chosen)
-    return Mounted(
-        model=solved.model,
-        trials=ready,
-        notes=tuple(_tell(matched, noise, chosen, misfits, facing)),
-    )
+    ready, solved, *_ = solve(chosen)
+    notes = tuple(_tell(matched, noise, chosen, misfits, facing))
+    return Mounted(model=solved, trials=ready, notes=notes)
 
 
 def _choose(
@@ -171,8 +155,7 @@ def _choose(
         for trial in some:
             task = Task.of(placed, trial)
             task = replace(task, bounds=compiling.list_coordinate_ranges(placed))
-            neutral = compiling.repeat_default_pose(placed, 1)[0]
-            start = guess_start(task, neutral)
+            start = guess_start(task, compiling.repeat_default_pose(placed, 1)[0])
             solution = solve_from(task, start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
@@ -196,10 +179,12 @@ def _solve(
     segments: abc.Mapping[str, str],
     noise: abc.Mapping[str, frames.Noise],
     calibrating: int | None,
-) -> _Solved:
+) -> tuple[BodyModel, float, float]:
     """Mountings and heading as some frames make them likely.
 
     ``calibrating``: frames of the pose that tells how sensors are put on; None where no pose does.
+    Returns the model; how much larger residuals are than expected, as a ratio of lengths; and the root mean
+        square of how far frames sit off their priors, rad, as far as joints show it.
     """
     names = [p.name for p in model.parameters if p.group == "mounting"]
     prior = GaussianPrior([p.name for p in model.parameters])
@@ -245,13 +230,8 @@ def _solve(
     # Mountings of variance s are estimated as K m + e with K = 1 - C/P and the covariance K C of e.
     told = np.eye(len(turned)) - after / before
     askew = (mean @ mean - np.trace(told @ after)) / max(float(np.square(told).sum()), _NOTHING_TOLD)
-    return _Solved(
-        model=everyday.pack_posterior(
-            replace(model, parameters=parameters), prior.names, posterior.covariance
-        ),
-        level=level,
-        askew=float(np.sqrt(max(askew, 0.0))),
-    )
+    packed = everyday.pack_posterior(replace(model, parameters=parameters), prior.names, posterior.covariance)
+    return packed, level, float(np.sqrt(max(askew, 0.0)))
 
 
 def _tell(
@@ -277,21 +257,14 @@ def _tell(
             f"the laboratory's own frame, and frames for another program, are not used: {list_few(ignored)}"
         )
         yield Note(code="rotations_ignored", severity="note", problem=said, remedy="Nothing is to be done")
-    turned = (
-        []
-        if facing is None
-        else [f"forward is where they face there, {np.degrees(facing):.0f} deg about the vertical"]
-    )
+    turned = f"; forward is where they face there, {np.degrees(facing or 0.0):.0f} deg about the vertical"
     yield Note(
         code="mounting",
         severity="warning" if chosen.calibrated else "note",
-        problem="; ".join([chosen.told, *turned]),
+        problem=chosen.told + (turned if facing is not None else ""),
         remedy="If it is not so, give the orientations of such a pose (`--standing`, `standing` over HTTP)",
     )
-    missed, usual = (
-        np.degrees(misfits.get(chosen.told, 0.0)),
-        np.degrees(rotations.read_rotation_table().total),
-    )
+    missed, usual = np.degrees([misfits.get(chosen.told, 0.0), rotations.read_rotation_table().total])
     if missed > usual:
         yield Note(
             code="mounting_doubtful",

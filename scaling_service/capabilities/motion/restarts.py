@@ -22,7 +22,6 @@ from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
-from scaling_service.numerics.multibody.tree import Tree
 
 _BETTER = 0.05  # chosen: share of the cost by which another minimum must be better to count
 _DRAWS = 8  # chosen: starts of each limb; of three joints one start in three reaches the best minimum
@@ -37,32 +36,27 @@ _PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one bette
 _BLOCK = 128  # steps measured together; all of a long recording would take gigabytes
 
 
-def _measure_turns(
-    tree: Tree, before: Array, after: Array, bounds: branches.Bounds, *, any_way: bool
-) -> Iterator[Array]:
+def _measure_turns(task: Task, before: Array, after: Array, *, any_way: bool) -> Iterator[Array]:
     """How far joints turn between poses, each (n, k, l), rad.
 
     ``before`` (n, k, n_coordinates), ``after`` (n, l, n_coordinates): every pose of a frame with every pose
     of the next. A triplet counts as one turn; with ``any_way``, and without bounds, in whichever way it is
     nearer.
     """
-    loose = branches.find_loose(tree, bounds)
-    triplets = branches.find_triplets(tree)
-    for k in np.setdiff1d(tree.rotations, [c for t in triplets for c in t.coordinates]):
-        yield np.sqrt(_measure(before[:, :, None, k, None], after[:, None, :, k, None], loose[[k]]))
+    loose = branches.find_loose(task.tree, task.bounds)
+    triplets = branches.find_triplets(task.tree)
+    for k in np.setdiff1d(task.tree.rotations, [c for t in triplets for c in t.coordinates]):
+        way = after[:, None, :, k, None] - before[:, :, None, k, None]
+        yield np.sqrt(branches.measure_step(way, loose[[k]]))
     for triplet in triplets:
         own = triplet.coordinates
         first, second = before[:, :, None, own], after[:, None, :, own]
-        distance = _measure(first, second, loose[own])
+        distance = branches.measure_step(second - first, loose[own])
         if any_way or loose[own].all():
-            other, allowed = branches.write_within(triplet, first, bounds)
-            distance = np.minimum(distance, np.where(allowed, _measure(other, second, loose[own]), np.inf))
+            other, allowed = branches.write_within(triplet, first, task.bounds)
+            again = np.where(allowed, branches.measure_step(second - other, loose[own]), np.inf)
+            distance = np.minimum(distance, again)
         yield np.sqrt(distance)
-
-
-def _measure(first: Array, second: Array, loose: NDArray[np.bool_]) -> Array:
-    step = second - first
-    return np.asarray(np.square(np.where(loose, branches.wrap(step), step)).sum(axis=-1))
 
 
 def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_]) -> bool:
@@ -202,7 +196,7 @@ def _keep_distinct(task: Task, poses: Array, costs: Array) -> tuple[Array, Array
         first = left.argmin(axis=1)
         kept.append(poses[every, first])
         kept_costs.append(left[every, first])
-        turns = _measure_turns(task.tree, kept[-1][:, None], poses, task.bounds, any_way=True)
+        turns = _measure_turns(task, kept[-1][:, None], poses, any_way=True)
         left[reduce(np.maximum, turns)[:, 0] < _APART] = np.inf
     return np.stack(kept, axis=1), np.stack(kept_costs, axis=1)
 
@@ -234,7 +228,17 @@ def _follow(
             rows, own, last = rows[going] + towards, own[going], last[going]
             if len(rows):
                 here, now = _solve_all(task, rows, here[going])
-    q, cost = _write_all_ways(task.tree, q, cost, task.bounds)
+    # Beside all poses those whose bounded triplets can be rewritten; others are written without jumps later.
+    for triplet in branches.find_triplets(task.tree):
+        if branches.find_loose(task.tree, task.bounds)[triplet.coordinates].all():
+            continue
+        other, allowed = branches.write_within(triplet, q[:, :, triplet.coordinates], task.bounds)
+        some = np.flatnonzero((allowed & np.isfinite(cost)).any(axis=0))
+        if len(some):
+            again = q[:, some].copy()
+            again[:, :, triplet.coordinates] = other[:, some]
+            q = np.concatenate([q, again], axis=1)
+            cost = np.concatenate([cost, np.where(allowed, cost, np.inf)[:, some]], axis=1)
     chosen = _find_cheapest_path(cost / motion_doubts.SKIN_M**2, _measure_hurry(task, times, q))
     every = np.arange(n)
     return MotionSolution(q[every, chosen], cost[every, chosen], found.steps, found.converged)
@@ -249,27 +253,9 @@ def _measure_hurry(task: Task, times: Array, q: Array) -> Iterator[Array]:
         some = q[start : start + _BLOCK + 1]
         steps = np.diff(times[start : start + _BLOCK + 1])[:, None, None]
         hurry = np.zeros((len(steps), q.shape[1], q.shape[1]))
-        for turn in _measure_turns(task.tree, some[:-1], some[1:], task.bounds, any_way=False):
+        for turn in _measure_turns(task, some[:-1], some[1:], any_way=False):
             hurry += np.square(np.maximum(turn / steps - motion_doubts.FASTEST, 0.0) / motion_doubts.SPEED)
         yield from hurry
-
-
-def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: branches.Bounds) -> tuple[Array, Array]:
-    """The same poses (n, k, n_coordinates), and beside them those whose bounded triplets can be rewritten.
-
-    What has no bounds is written without jumps afterwards.
-    """
-    for triplet in branches.find_triplets(tree):
-        if branches.find_loose(tree, bounds)[triplet.coordinates].all():
-            continue
-        other, allowed = branches.write_within(triplet, q[:, :, triplet.coordinates], bounds)
-        some = np.flatnonzero((allowed & np.isfinite(cost)).any(axis=0))
-        if len(some):
-            again = q[:, some].copy()
-            again[:, :, triplet.coordinates] = other[:, some]
-            q = np.concatenate([q, again], axis=1)
-            cost = np.concatenate([cost, np.where(allowed, cost, np.inf)[:, some]], axis=1)
-    return q, cost
 
 
 def _find_cheapest_path(own: Array, between: Iterator[Array]) -> motion_doubts.Index:

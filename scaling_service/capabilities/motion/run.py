@@ -33,7 +33,6 @@ from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
-from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
 from scaling_service.recording.same_person import ask_same_person
@@ -201,15 +200,20 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     known = np.isfinite(motion.q) & ever
     if everyday:
         uncertainty = ordinary.estimate_everyday_sd(model, trial, task, q, known, rates)
-        return _gather(model, motion, uncertainty, names)
-    fields = tuple(uncertainties.list_skin_fields(task)) if skin else ()
-    uncertainty = uncertainties.estimate_coordinate_sd(task, q, motion.residuals, known, fields, rates)
-    if skin and model.departures:
-        departures = dict(model.departures)
-        own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
-        uncertainty = uncertainties.count_departures(uncertainty, own, q, rates)
-    uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
-    return _gather(model, motion, uncertainty, names)
+    else:
+        fields = tuple(uncertainties.list_skin_fields(task)) if skin else ()
+        uncertainty = uncertainties.estimate_coordinate_sd(task, q, motion.residuals, known, fields, rates)
+        if skin and model.departures:
+            departures = dict(model.departures)
+            own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
+            uncertainty = uncertainties.count_departures(uncertainty, own, q, rates)
+        uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
+    conventional, combined = None, uncertainty.combined
+    if combined is not None:
+        sd = {s: {a: combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
+        conventional = replace(clinical_angles.compute_clinical_angles(model, motion), sd=sd)
+    error = kinematic_errors.kinematic_error(motion, model)
+    return result.TrackedTrial(motion, uncertainty, error, conventional)
 
 
 def follow_rotations(
@@ -230,22 +234,6 @@ def _list_frames(subject: subjects.Subject) -> dict[str, tuple[str, Array]]:
     """Frames that the subject's OpenSim model has on its bodies, as OpenSense's IMU placer leaves them."""
     model = subject.model
     return read_body_frames(Path(model)) if model.lower().endswith(".osim") else {}
-
-
-def _gather(
-    model: BodyModel,
-    motion: Motion,
-    uncertainty: uncertainties.CoordinateSd,
-    names: abc.Sequence[tuple[str, str]],
-) -> result.TrackedTrial:
-    """``names``: side and angle of what ``uncertainty`` has combined."""
-    error = kinematic_errors.kinematic_error(motion, model)
-    if uncertainty.combined is None:
-        return result.TrackedTrial(motion, uncertainty, error)
-    sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
-    return result.TrackedTrial(
-        motion, uncertainty, error, replace(clinical_angles.compute_clinical_angles(model, motion), sd=sd)
-    )
 
 
 @contextmanager

@@ -47,8 +47,9 @@ def guess_start(task: Task, neutral: Array) -> Array:
     ``neutral``: (n_coordinates,). Returns (n_frames, n_coordinates).
     """
     tree, q = task.tree, np.tile(neutral, (len(task.measured), 1))
-    root = _free_root(tree, task.free)
-    if root is None:
+    free = [[v for v in own if v < tree.n_coordinates and task.free[v]] for own in tree.variables]
+    roots = (k for k, link in enumerate(tree.links) if link.parent == laws.NONE and len(free[k]) >= 3)
+    if (root := next(roots, None)) is None:
         return q
     rotation, position = _place_root(task, neutral, root)
     known = problem.find_seen(position)
@@ -59,14 +60,13 @@ def guess_start(task: Task, neutral: Array) -> Array:
         q[known, coordinate] = values
     # The root's translations set so that its origin lies at `position`
     moved = q[known]
-    target = position[known]
     poses = trees.pose_links(tree, np.ascontiguousarray(moved.T), task.p)
     shifts = [
         e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
     ]
     if len(shifts) == 3:
         rates = poses.directions(shifts).transpose(2, 1, 0)
-        gap = target - poses.origins[root].T
+        gap = position[known] - poses.origins[root].T
         own = [tree.factors[e.term.factor].coordinate for e in shifts]
         moved[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
     q[known] = moved
@@ -74,14 +74,6 @@ def guess_start(task: Task, neutral: Array) -> Array:
     rows = np.flatnonzero(known)
     nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
     return np.asarray(np.where(known[:, None], q, q[nearest]))
-
-
-def _free_root(tree: trees.Tree, free: NDArray[np.bool_]) -> int | None:
-    for k, link in enumerate(tree.links):
-        own = [v for v in tree.variables[k] if v < tree.n_coordinates and free[v]]
-        if link.parent == laws.NONE and len(own) >= 3:
-            return k
-    return None
 
 
 def _place_root(task: Task, neutral: Array, root: int) -> tuple[Array, Array]:
@@ -186,10 +178,7 @@ def _solve_densely(task: Task, start: Array, prior: tuple[Array, Array] | None) 
         coordinate_bounds=task.bounds,
         loss=task.loss,
         coordinate_prior=prior
-        and (
-            np.broadcast_to(prior[0], start.shape),
-            np.broadcast_to(prior[1], start.shape),
-        ),
+        and (np.broadcast_to(prior[0], start.shape), np.broadcast_to(prior[1], start.shape)),
         closure=task.closure,
     )
     if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
@@ -262,10 +251,7 @@ def follow_neighbours(found: sweep.MotionSolution, task: Task, times: Array) -> 
     for part in (slice(first, None), slice(int(ends[longest]), None, -1)):
         rows = np.arange(len(times))[part]
         # Coordinates and costs of frames in an order, the first of which is right
-        near = q[rows]
-        costs = cost[rows]
-        moments = times[rows]
-        at = 0
+        near, costs, moments, at = q[rows], cost[rows], times[rows], 0
         while len(jumps := np.flatnonzero(_find_jumps(near[at:], moments[at:]))):
             at += int(jumps[0]) + 1
             again = solve_from(task.in_frames(rows[at : at + 1]), near[at - 1 : at])

@@ -69,14 +69,10 @@ class Task:
                 field="markers",
                 remedy="Map the labels under `markers:` in the subject file",
             )
-        names = tuple(chosen)
-        count = len(model.coordinates)
+        names, count = tuple(chosen), len(model.coordinates)
         open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
-        tree, measured, free = (
-            compiling.compile_model(model, names),
-            trial.select(names).markers,
-            compiling.free_coordinates(model),
-        )
+        tree, measured = compiling.compile_model(model, names), trial.select(names).markers
+        free = compiling.free_coordinates(model)
         heavy, p = np.array([chosen[name] for name in names]), compiling.list_parameter_values(model)
         return cls(
             model=model,

@@ -155,8 +155,8 @@ def estimate_coordinate_sd(
     variance = _list_marker_variances(task, q, residuals, held)
     sd, combined = np.zeros(q.shape), list[Array]()
     for rows in split_frames(len(q)):
-        spread = _linearise(task, q[rows], residuals[rows], held[rows])
-        follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
+        by_marker, curvature = _linearise(task, q[rows], residuals[rows], held[rows])
+        follow = np.matmul(np.linalg.inv(curvature), by_marker)
         axes = trees.pose_links(task.tree, np.ascontiguousarray(q[rows].T), task.p).axes
         turns = [axes[task.tree.marker_link[field.markers[0]]] for field in fields]
         sd[rows, task.free] = _spread(follow, variance, fields, turns, task.weights)
@@ -219,21 +219,16 @@ def _spread(
     return np.asarray(np.sqrt(square))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Linearised:
-    """Whitened rates of the markers (n, n_free, 3 n_markers), and their Gauss-Newton matrix."""
-
-    rates: Array
-    curvature: Array
-
-
 def split_frames(count: int) -> abc.Iterator[slice]:
     """All frames, in blocks that are linearised together."""
     return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
 
-def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
-    """Rates times root weights, zero for what is held and what is not seen."""
+def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> tuple[Array, Array]:
+    """Rates of the markers times root weights, (n, n_free, 3 n_markers), and their Gauss-Newton matrix.
+
+    Rates are zero for what is held and what is not seen.
+    """
     free = np.flatnonzero(task.free)
     heavy = np.repeat(np.where(problem.find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
     rates = trees.compute_marker_rates(task.tree, q, task.p, free)
@@ -245,7 +240,7 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
         curvature += problem.CLOSING * task.weights.sum() * np.matmul(bound, bound.transpose(0, 2, 1))
     diagonal = np.einsum("nii->ni", curvature)
     diagonal += np.where(held[:, free], 1.0, _RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True))
-    return _Linearised(rates, curvature)
+    return rates, curvature
 
 
 def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
@@ -261,10 +256,8 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
     squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
     for some in (rows[part] for part in split_frames(len(rows))):
         shown = problem.find_seen(residuals[some])
-        spread = _linearise(task, q[some], residuals[some], held[some])
-        hat = np.matmul(
-            spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
-        )
+        rates, curvature = _linearise(task, q[some], residuals[some], held[some])
+        hat = np.matmul(rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(curvature), rates))
         left = np.repeat(shown, 3, axis=1)[:, :, None] * np.eye(3 * count) - hat
         blocks = np.square(left).reshape(len(some), count, 3, count, 3).sum(axis=(2, 4))
         squares += np.nansum(task.weights[:, None] * residuals[some] ** 2, axis=(0, 2))

@@ -143,8 +143,18 @@ def view_joint_angles(results: Results, document: documents.ComparisonDocument) 
         }
         for trial in results.session.dynamic
     }
+    from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
+
+    gait = make_gait_curves(results, next(iter(results.scalings)))
     return JointAngleComparison(
-        **_make_origin(document), joint_angles=trials, gait=_make_gait(results, next(iter(results.scalings)))
+        **_make_origin(document),
+        joint_angles=trials,
+        gait=GaitEntry(
+            trials=list(gait.trials),
+            held_out=gait.held_out,
+            reason=gait.reason,
+            angles={curve.name: CycleEntry(**curve.describe(4)) for curve in gait.curves},
+        ),
     )
 
 
@@ -168,18 +178,6 @@ def _make_angle(curves: abc.Mapping[str, Array]) -> AngleEntry:
         mean_deg={name: curve.mean() if curve.size else None for name, curve in known.items()},
         range_deg={name: np.ptp(curve) if curve.size else None for name, curve in known.items()},
         pairs=pairs,
-    )
-
-
-def _make_gait(results: Results, reference: str) -> GaitEntry:
-    from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
-
-    gait = make_gait_curves(results, reference)
-    return GaitEntry(
-        trials=list(gait.trials),
-        held_out=gait.held_out,
-        reason=gait.reason,
-        angles={curve.name: CycleEntry(**curve.describe(4)) for curve in gait.curves},
     )
 
 

@@ -133,41 +133,18 @@ def _scale(
 
 def list_kinds() -> dict[str, job.Kind]:
     """What the service offers of this capability."""
+    one, both = documents.ScalingDocument, documents.ComparisonDocument
+    errors, lengths = comparison_views.KinematicErrorComparison, comparison_views.SegmentLengthComparison
+    angles = comparison_views.JointAngleComparison
+    offered: tuple[tuple[str, type[job.JobRequest], job.Work, str, type[pydantic.BaseModel]], ...] = (
+        ("linear-scaling", LinearRequest, scale_by_one, "scalings/linear", one),
+        ("optimised-scaling", OptimisedRequest, scale_by_one, "scalings/optimised", one),
+        ("scaling", ScalingRequest, compare_methods, "comparisons", both),
+        ("kinematic-error", KinematicErrorRequest, view_comparison, "comparisons/kinematic-error", errors),
+        ("segment-lengths", SegmentLengthsRequest, view_comparison, "comparisons/segment-lengths", lengths),
+        ("joint-angles", JointAnglesRequest, view_comparison, "comparisons/joint-angles", angles),
+    )
     return {
-        "linear-scaling": job.Kind(
-            request=LinearRequest,
-            work=scale_by_one,
-            route="scalings/linear",
-            result=documents.ScalingDocument,
-        ),
-        "optimised-scaling": job.Kind(
-            request=OptimisedRequest,
-            work=scale_by_one,
-            route="scalings/optimised",
-            result=documents.ScalingDocument,
-        ),
-        "scaling": job.Kind(
-            request=ScalingRequest,
-            work=compare_methods,
-            route="comparisons",
-            result=documents.ComparisonDocument,
-        ),
-        "kinematic-error": job.Kind(
-            request=KinematicErrorRequest,
-            work=view_comparison,
-            route="comparisons/kinematic-error",
-            result=comparison_views.KinematicErrorComparison,
-        ),
-        "segment-lengths": job.Kind(
-            request=SegmentLengthsRequest,
-            work=view_comparison,
-            route="comparisons/segment-lengths",
-            result=comparison_views.SegmentLengthComparison,
-        ),
-        "joint-angles": job.Kind(
-            request=JointAnglesRequest,
-            work=view_comparison,
-            route="comparisons/joint-angles",
-            result=comparison_views.JointAngleComparison,
-        ),
+        name: job.Kind(request=request, work=work, route=route, result=result)
+        for name, request, work, route, result in offered
     }

@@ -66,16 +66,10 @@ def tabulate_errors(methods: Methods) -> tables.Table:
     ]
     errors = [list(m.kinematic_error_mm.values()) for m in of]
     if any(e.tracking_mean is not None for own in errors for e in own):
-        rows.append(
-            tables.Row(
-                "all, on bony landmarks", [_format_mean([e.anatomical_mean for e in own]) for own in errors]
-            )
-        )
-        rows.append(
-            tables.Row(
-                "all, tracking markers", [_format_mean([e.tracking_mean for e in own]) for own in errors]
-            )
-        )
+        bony = [_format_mean([e.anatomical_mean for e in own]) for own in errors]
+        tracking = [_format_mean([e.tracking_mean for e in own]) for own in errors]
+        rows.append(tables.Row("all, on bony landmarks", bony))
+        rows.append(tables.Row("all, tracking markers", tracking))
     rows += [
         tables.Row("mean, used to fit", [_format_or_none(m.fitted_mean_mm) for m in of]),
         tables.Row("mean, held out", [_format_or_none(m.held_out_mean_mm) for m in of]),
@@ -104,12 +98,9 @@ def tabulate_axes(methods: Methods) -> tables.Table:
     for side in words.unite_keys(m.knee_axis_deg for m in methods.values()):
         axes = [m.knee_axis_deg.get(side) for m in methods.values()]
         name = {"r": "right", "l": "left"}.get(side, side)
-        rows.append(
-            tables.Row(f"{name}, about x", [words.format_signed(None if a is None else a.x) for a in axes])
-        )
-        rows.append(
-            tables.Row(f"{name}, about y", [words.format_signed(None if a is None else a.y) for a in axes])
-        )
+        for axis in "xy":
+            turns = [words.format_signed(None if a is None else getattr(a, axis)) for a in axes]
+            rows.append(tables.Row(f"{name}, about {axis}", turns))
     return _make_table(
         "Knee axes, degrees",
         methods,

@@ -31,14 +31,6 @@ _KEEP = (
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class DampingShares:
-    """Shares of each curvature: of every frame's coordinates (n_frames,), and of the parameters."""
-
-    frames: Array
-    parameters: float
-
-
 @dataclasses.dataclass(slots=True, eq=False, kw_only=True)
 class Border:
     """What is left for the parameters, in normalised units: curvature (np, np) and slope (np,).
@@ -108,30 +100,33 @@ def compute_frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
 
 
 def compute_step(
-    problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
+    problem: Problem, q: Array, p: Array, p0: Array, damping: Array, shared: float
 ) -> tuple[Array, Array, float]:
     """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
+
+    ``damping`` (n_frames,), ``shared``: shares of the curvature of every frame's coordinates, and of the
+    parameters'.
 
     Coordinates that it would carry past a bound are moved just to it, and the step is made again
     knowing so; otherwise all the others would have moved as if they had gone on.
     """
-    border = linearise(problem, q, p, p0, damping.frames)
-    trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, None)
+    border = linearise(problem, q, p, p0, damping)
+    trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, shared, None)
     pins = pin_to_bounds(problem, q, trial_q)
     if pins is not None:
-        border = linearise(problem, q, p, p0, damping.frames, pins, border.blocks)
-        trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
+        border = linearise(problem, q, p, p0, damping, pins, border.blocks)
+        trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, shared, pins)
     return (*clip_to_bounds(problem, trial_q, trial_p), promised)
 
 
 def _solve_step(
-    problem: Problem, border: Border, q: Array, p: Array, damping: DampingShares, pins: Array | None
+    problem: Problem, border: Border, q: Array, p: Array, damping: Array, shared: float, pins: Array | None
 ) -> tuple[Array, Array, float]:
-    step, curvature = _bound_step(problem, border, p, damping.parameters)
+    step, curvature = _bound_step(problem, border, p, shared)
     trial_p, trial_q = p.copy(), q.copy()
     trial_p[problem.parameters] += step * problem.scale
     made_again = (
-        eliminate(problem, make_block(problem, q, p, rows), q, rows, damping.frames[rows], _take(pins, rows))
+        eliminate(problem, make_block(problem, q, p, rows), q, rows, damping[rows], _take(pins, rows))
         for rows in problem.blocks()
     )
     for block in border.kept or made_again:
@@ -172,5 +167,4 @@ def minimise_within(values: Array, vectors: Array, slope: Array, low: Array, hig
     root = np.sqrt(values)
     room = np.maximum(high, low + 1e-12)  # lsq_linear wants room, also for a parameter held at one value
     found = scipy.optimize.lsq_linear(root[:, None] * vectors.T, slope / root, (low, room), method="bvls")
-    within: Array = np.clip(found.x, low, high)
-    return within
+    return np.asarray(np.clip(found.x, low, high))

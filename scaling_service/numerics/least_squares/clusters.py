@@ -85,8 +85,7 @@ def gather_clusters(
 
 def _sum_by_cluster(member: Array, values: Array) -> Array:
     """Values by marker (m, ...) added up by cluster, (k, ...)."""
-    total: Array = (member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:])
-    return total
+    return np.asarray((member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:]))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -102,13 +101,7 @@ class Misfit:
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
         """The misfit in these frames."""
-        return Misfit(
-            axes=self.axes[..., rows],
-            centre=self.centre[..., rows],
-            force=self.force[..., rows],
-            turned=self.turned[..., rows],
-            cost=self.cost[..., rows],
-        )
+        return Misfit(**{f.name: getattr(self, f.name)[..., rows] for f in dataclasses.fields(self)})
 
 
 def compute_misfit(clusters: Clusters, axes: Array, origins: Array) -> Misfit:

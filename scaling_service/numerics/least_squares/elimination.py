@@ -69,15 +69,16 @@ class Elimination:
     moves: _Moves
 
 
-def plan_elimination(tree: trees.Tree, free: NDArray[np.bool_]) -> Elimination:
-    """Plan the elimination of the free coordinates (n_coordinates,) of an articulated tree."""
-    return _plan_cached(tree, np.asarray(free, dtype=bool).tobytes())
-
-
 @lru_cache(maxsize=_KEPT)
-def _plan_cached(tree: trees.Tree, chosen: bytes) -> Elimination:
+def plan_elimination(tree: trees.Tree, chosen: bytes) -> Elimination:
+    """Plan the elimination of the free coordinates of an articulated tree, bool (n_coordinates,) as bytes."""
     free = np.frombuffer(chosen, dtype=bool)
-    own = [_order_coordinates(tree, link, free) for link in range(len(tree.links))]
+    # The free coordinates of every link in the order in which its moves first use them, which second
+    # derivatives need: what stands before carries what comes after.
+    own: list[list[int]] = []
+    for k in range(len(tree.links)):
+        used = [e.coordinate for e in tree.plan.moving if e.link == k]
+        own.append([v for v in dict.fromkeys(used) if free[v]])
     depth: list[int] = []
     for link in tree.links:
         depth.append(0 if link.parent == NONE else depth[link.parent] + 1)
@@ -103,15 +104,6 @@ def _plan_cached(tree: trees.Tree, chosen: bytes) -> Elimination:
         link_of_row=np.array(order, dtype=np.intp),
         moves=_list_moves(tree, columns),
     )
-
-
-def _order_coordinates(tree: trees.Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
-    """The free coordinates of a link in the order in which its moves first use them.
-
-    Second derivatives need it: what stands before carries what comes after.
-    """
-    used = [e.coordinate for e in tree.plan.moving if e.link == link]
-    return [v for v in dict.fromkeys(used) if free[v]]
 
 
 Item = tuple[int, int, list[plans.Entry]]
@@ -183,54 +175,27 @@ def compute_twists(plan: Elimination, poses: trees.Poses) -> Array:
     return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PivotDamping:
-    """What is added to every pivot: a share of it, and a least pivot, each (n,)."""
-
-    share: Array
-    floor: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tasks:
-    """Tasks of the coordinates themselves, by column: weight, and weight times way to go, each (c, n)."""
-
-    stiffness: Array
-    drive: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Limits:
-    """How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n)."""
-
-    low: Array
-    high: Array
-
-    def fix(self, columns: NDArray[np.bool_], way: Array) -> Limits:
-        """The same, with some columns (c, n) to move just so far (c, n)."""
-        return Limits(np.where(columns, way, self.low), np.where(columns, way, self.high))
-
-    def take(self, rows: NDArray[np.intp]) -> Limits:
-        """The limits in these frames."""
-        return Limits(self.low[:, rows], self.high[:, rows])
+Limits = tuple[Array, Array]
+"""How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n)."""
 
 
 def solve_step(
     plan: Elimination,
     mass: Array,
     twist: Array,
-    damping: PivotDamping,
+    damping: tuple[Array, Array],
     *,
     second: Array,
-    tasks: Tasks | None = None,
+    tasks: tuple[Array, Array] | None,
     limits: Limits,
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
     ``mass`` (n_rows, 6, 7, n): curvature and wrench of every link's own markers; overwritten.
     ``twist``: (c, 6, n).
+    ``damping``: what is added to every pivot: a share of it, and a least pivot, each (n,).
     ``second`` (n,): one where second derivatives are used, else zero.
-    ``tasks``, ``limits``: aims and bounds of the coordinates.
+    ``tasks``: of the coordinates themselves: weight, and weight times way to go, each (c, n).
 
     A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
     so.
@@ -243,7 +208,7 @@ def solve_step(
             for row, parent in depth.carried:
                 load[parent] += load[row]
         bend = compute_wrench_rate(twist, load[plan.column_row])
-    grown, (count, _, n) = 1.0 + damping.share, twist.shape
+    grown, floor, (count, _, n) = 1.0 + damping[0], damping[1], twist.shape
     push, scaled, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
     for depth in plan.depths:
         for rows, columns in depth.rounds:
@@ -255,12 +220,18 @@ def solve_step(
             np.einsum("gjn,gjn->gn", turn, impulse, out=pivot)
             np.abs(pivot, out=pivot)
             if tasks is not None:
-                pivot += tasks.stiffness[columns]
-                own[:, 6] += tasks.drive[columns]
+                pivot += tasks[0][columns]
+                own[:, 6] += tasks[1][columns]
             whole = pivot * grown
-            whole += damping.floor
+            whole += floor
             np.divide(own, whole[:, None], out=share)
-            _stop(limits, columns, block, impulse, share[:, :6], free)
+            # Coordinates that would pass their bounds are moved to them, and what carries them feels that.
+            within = np.minimum(np.maximum(free, limits[0][columns]), limits[1][columns])
+            stopped = within != free
+            if stopped.any():
+                block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
+                share[:, :6] *= ~stopped[:, None]
+                free[:] = within
             block -= share[:, :6, None] * own[:, None]
         for row, parent in depth.carried:
             mass[parent] += mass[row]
@@ -276,13 +247,3 @@ def solve_step(
             own -= np.einsum("gjn,gjn->gn", scaled[columns, :6], carried)
             carried += twist[columns] * own[:, None]
     return free, promised
-
-
-def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:
-    """Coordinates that would pass their bounds are moved to them, and what carries them feels that."""
-    within = np.minimum(np.maximum(free, limits.low[columns]), limits.high[columns])
-    stopped = within != free
-    if stopped.any():
-        block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
-        share *= ~stopped[:, None]
-        free[:] = within

@@ -69,28 +69,27 @@ def solve(
     """
     q, p = clip_to_bounds(problem, q0.copy(), (p0 if start is None else start).copy())
     cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
-    damping = borders.DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
+    damping, shared = np.full(problem.n_frames, settings.damping), settings.damping
     for steps in range(1, settings.max_steps + 1):
-        trial_q, trial_p, promised = borders.compute_step(problem, q, p, p0, damping)
-        if promised <= settings.relative_decrease * cost + ROUNDING or damping.parameters > STUCK:
+        trial_q, trial_p, promised = borders.compute_step(problem, q, p, p0, damping, shared)
+        if promised <= settings.relative_decrease * cost + ROUNDING or shared > STUCK:
             return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
         # Frames share only the parameters: in each the coordinates are chosen that suit the trial's.
         moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
         improved = np.less_equal(moved, stayed)
         trial_q = np.where(improved[:, None], trial_q, q)
         trial_cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
-        own = damping.frames * np.where(improved, EASE, TIGHTEN)
+        damping = np.clip(damping * np.where(improved, EASE, TIGHTEN), LEAST, STUCK)
         if trial_cost < cost:
             # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
             kept = (cost - trial_cost) / promised
-            shared = damping.parameters * max(0.1, 1.0 - (2.0 * min(kept, 1.5) - 1.0) ** 3)
+            shared = max(shared * max(0.1, 1.0 - (2.0 * min(kept, 1.5) - 1.0) ** 3), LEAST)
             q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
             if progress is not None:
                 progress(steps, cost)
         else:
-            shared = max(damping.parameters, 1e-8) * raise_by
+            shared = max(shared, 1e-8) * raise_by
             raise_by *= 2.0
-        damping = borders.DampingShares(np.clip(own, LEAST, STUCK), max(shared, LEAST))
     return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 

@@ -49,8 +49,7 @@ class Poses:
 
     def turn(self, directions: ArrayLike) -> Array:
         """A direction of the segment, (..., 3), in every frame, (..., n_frames, 3)."""
-        moved: Array = np.einsum("...nij,...j->...ni", self.rotation, np.asarray(directions, float))
-        return moved
+        return np.asarray(np.einsum("...nij,...j->...ni", self.rotation, np.asarray(directions, float)))
 
 
 def join_poses(parts: Sequence[Poses]) -> Poses:
@@ -219,8 +218,7 @@ def _solve_least_squares(stack: _Stack, kept: NDArray[np.bool_]) -> Array:
     """The shortest solution in the singular directions kept, (..., 6)."""
     along = np.einsum("...mk,...m->...k", stack.left, stack.side)
     along = np.where(kept, along / np.where(kept, stack.values, 1.0), 0.0)
-    solution: Array = np.einsum("...ik,...k->...i", stack.right, along)
-    return solution
+    return np.asarray(np.einsum("...ik,...k->...i", stack.right, along))
 
 
 def _estimate_deviation(stack: _Stack, gaps: Array) -> Array:
@@ -247,5 +245,4 @@ def _compute_rms(gaps: Array, stack: _Stack) -> Array:
 
 
 def _normalise(vectors: Array) -> Array:
-    unit: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return unit
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -87,7 +87,7 @@ def form_normal_equations(
     pull = np.einsum("ek,nkc->nec", below, pulls, optimize=True)
     by = np.ascontiguousarray(screws.variations().transpose(3, 0, 1, 2))  # (n, e, 18, 3)
     # From twists to coordinates; two entries meet where one carries the other.
-    n, count = by.shape[:2]
+    count = by.shape[1]
     gradient = np.zeros((n, 3, m))
     for e, column in enumerate(screws.columns.tolist()):
         gradient[:, :, column] -= np.einsum("nci,nc->ni", by[:, e], pull[:, e])
@@ -166,15 +166,6 @@ class MarkerShifts:
         return total.reshape(count, -1, 3, 3).transpose(2, 1, 0, 3)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ShiftNormal:
-    """Normal equations of the shared numbers."""
-
-    gradient: Array  # (k,): half of it
-    corner: Array  # (k, k)
-    cross: Array  # (n, 3, m, k): coupling with q, qdot and qddot of every frame
-
-
 def shift_normal(
     shifts: MarkerShifts,
     mechanism: motion.Mechanism,
@@ -185,14 +176,16 @@ def shift_normal(
     gap: Array,
     weights: Array,
     m: int,
-) -> ShiftNormal:
-    """What markers say of the shared numbers, and how these go with the motion.
+) -> tuple[Array, Array, Array]:
+    """Normal equations of the shared numbers: what markers say of them, and how they go with the motion.
 
     ``rows`` (n, n_markers, 9, 18): as ``rows_of_twists`` gives them for the shifted markers.
     ``columns``: (k, n, 9).
     ``gap``: (3, n, n_markers, 3).
     ``weights``: (3, n, n_markers).
     ``m``: the number of free coordinates.
+    Returns half the gradient (k,), the curvature (k, k), and the coupling with q, qdot and qddot of every
+        frame (n, 3, m, k).
     """
     n, marker = columns.shape[1], shifts.marker
     gaps = np.ascontiguousarray(gap.transpose(2, 1, 0, 3)).reshape(-1, n, 9)
@@ -213,4 +206,4 @@ def shift_normal(
         some = np.flatnonzero(below[e])
         if len(some):
             coupling[:, :, column, some] += by[:, e] @ pushed[:, some].swapaxes(1, 2)
-    return ShiftNormal(gradient, corner, coupling)
+    return gradient, corner, coupling

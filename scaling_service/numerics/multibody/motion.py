@@ -65,8 +65,7 @@ class Inertias:
 def _point_tensor(at: Array) -> Array:
     """Tensor of unit masses at some places (n, 3) about the origin, (n, 3, 3)."""
     squares = (at**2).sum(axis=1)
-    tensors: Array = squares[:, None, None] * np.eye(3) - at[:, :, None] * at[:, None, :]
-    return tensors
+    return np.asarray(squares[:, None, None] * np.eye(3) - at[:, :, None] * at[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +88,6 @@ class Mechanism:
     def entries(self) -> tuple[plan.Entry, ...]:
         """The terms that move with time, once for each of their coordinates, turns first, then shifts."""
         return tuple(sorted(self.tree.plan.moving, key=lambda e: not e.is_turn))
-
-    @cached_property
-    def n_turns(self) -> int:
-        """How many of the entries are turns."""
-        return sum(e.is_turn for e in self.entries)
 
     @cached_property
     def carriers(self) -> Array:
@@ -120,12 +114,6 @@ class Mechanism:
     def coordinates(self) -> NDArray[np.intp]:
         """The coordinate that each entry follows, shape (n_entries,)."""
         return np.array([e.coordinate for e in self.entries], dtype=np.intp)
-
-    @cached_property
-    def gathering(self) -> Array:
-        """1 where an entry acts on a coordinate, shape (n_coordinates, n_entries)."""
-        rows = np.arange(self.tree.n_coordinates)[:, None]
-        return np.asarray((rows == self.coordinates[None, :]).astype(float))
 
     def _at_or_below(self, node: int) -> NDArray[np.bool_]:
         """Which nodes are this one or hang on it, shape (n_nodes,)."""
@@ -188,7 +176,7 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     n, coordinates = motion.n, mechanism.coordinates
     poses = pose_links(mechanism.tree, motion.q, p)
     # Twists of all entries for unit rates, (n_entries, 6, n).
-    entries, turns = mechanism.entries, mechanism.n_turns
+    entries, turns = mechanism.entries, sum(e.is_turn for e in mechanism.entries)
     directions = poses.directions(entries)
     screws = np.zeros((len(entries), 6, directions.shape[-1]))
     screws[:turns, 3:] = directions[:turns]
@@ -228,15 +216,13 @@ def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> 
 
 def point_velocity(twist: Array, at: Array) -> Array:
     """Velocity of body points that lie at some places of the ground, (..., 3, n), m/s."""
-    velocity: Array = twist[..., :3, :] + cross(twist[..., 3:, :], at)
-    return velocity
+    return np.asarray(twist[..., :3, :] + cross(twist[..., 3:, :], at))
 
 
 def point_acceleration(twist: Array, acceleration: Array, at: Array) -> Array:
     """Acceleration of body points that lie at some places of the ground, (..., 3, n), m/s2."""
     turning = cross(twist[..., 3:, :], point_velocity(twist, at))
-    result: Array = acceleration[..., :3, :] + cross(acceleration[..., 3:, :], at) + turning
-    return result
+    return np.asarray(acceleration[..., :3, :] + cross(acceleration[..., 3:, :], at) + turning)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

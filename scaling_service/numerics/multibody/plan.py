@@ -44,11 +44,6 @@ class _Node:
     turn: float | None = None
     turn_terms: tuple[laws.TermArrays, ...] = ()
 
-    @property
-    def takes_shift(self) -> bool:
-        """Whether nothing has been turned yet."""
-        return self.turn is None and self.before is _UNTURNED
-
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Linear:
@@ -141,7 +136,15 @@ def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordi
     parts = np.stack([_STILL if node.turn is None else _TURNING for node in ordered])
     first, second = np.stack([node.before for node in ordered]), np.stack([node.after for node in ordered])
     rotations = (first[:, None] @ parts @ second[:, None]).transpose(0, 3, 2, 1)
-    entries = tuple(entry for k in np.argsort(order) for entry in _list_entries(int(k), ordered[k]))
+    entries: list[Entry] = []
+    for k in np.argsort(order).tolist():
+        node = ordered[k]
+        for terms, turns in ((node.shift_terms, False), (node.turn_terms, True)):
+            ways = (node.before[:, 2] * t.gain[0] if turns else t.gain for t in terms)
+            entries += [
+                Entry(node=k, link=node.link, term=t, direction=way, is_turn=turns)
+                for t, way in zip(terms, ways, strict=True)
+            ]
     return Plan(
         parent=parent_rows,
         levels=levels,
@@ -153,7 +156,7 @@ def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordi
         shifts=_build_linear(
             [tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates
         ),
-        entries=entries,
+        entries=tuple(entries),
         moving=tuple(
             dataclasses.replace(entry, number=number, coordinate=coordinate)
             for entry in entries
@@ -168,7 +171,7 @@ def _list_nodes(number: int, link: laws.Link) -> list[_Node]:
     for move in link.moves:
         node = nodes[-1]
         if isinstance(move, laws.Shift):
-            if not node.takes_shift:
+            if node.turn is not None or node.before is not _UNTURNED:
                 node = _Node(link=number)
                 nodes.append(node)
             node.shift = node.shift + move.constant
@@ -233,14 +236,3 @@ def _build_linear(
 def is_plain(term: laws.TermArrays, factors: Sequence[laws.Factor]) -> bool:
     """Whether a term is a constant times one coordinate, nothing else."""
     return term.parameter == laws.NONE and term.factor != laws.NONE and factors[term.factor].shape is None
-
-
-def _list_entries(row: int, node: _Node) -> list[Entry]:
-    axis = node.before[:, 2]
-    shifts = [
-        Entry(node=row, link=node.link, term=t, direction=t.gain, is_turn=False) for t in node.shift_terms
-    ]
-    return shifts + [
-        Entry(node=row, link=node.link, term=t, direction=axis * t.gain[0], is_turn=True)
-        for t in node.turn_terms
-    ]

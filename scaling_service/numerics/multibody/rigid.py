@@ -161,5 +161,4 @@ def convert_rotation_to_vector(rotations: ArrayLike) -> Array:
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     half = np.arctan2(sine, q[..., :1])
     factor = np.where(sine > 0, 2.0 * half / np.where(sine > 0, sine, 1.0), 2.0)
-    vectors: Array = factor * q[..., 1:]
-    return vectors
+    return np.asarray(factor * q[..., 1:])

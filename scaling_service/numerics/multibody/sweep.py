@@ -103,19 +103,6 @@ class _Problem:
         value, weight = self.prior
         return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
 
-    def limits(self, q: Array) -> elimination.Limits:
-        """How far the columns may move."""
-        now = q[self.plan.variables]
-        return elimination.Limits(self.lower - now, self.upper - now)
-
-    def tasks(self, q: Array) -> elimination.Tasks | None:
-        """The coordinates' own tasks by column."""
-        if self.prior is None:
-            return None
-        columns = self.plan.variables
-        value, weight = self.prior[0][columns], self.prior[1][columns]
-        return elimination.Tasks(weight, weight * (value - q[columns]))
-
 
 def is_articulated(tree: Tree) -> bool:
     """Whether every coordinate enters one link only, which the sweeps need.
@@ -163,53 +150,39 @@ def solve_motion(
     limits = (np.full(nq, -np.inf), np.full(nq, np.inf)) if bounds is None else bounds
     q, cost = np.empty((n, nq)), np.empty(n)
     steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
-    plan = elimination.plan_elimination(tree, moving)
+    plan = elimination.plan_elimination(tree, moving.tobytes())
+    carrier = plan.row_of_link[tree.marker_link]
+    local = (tree.marker_local + tree.marker_shifts @ p)[:, :, None]
     for start in range(0, n, _BLOCK):
         rows = slice(start, min(start + _BLOCK, n))
         some = weights[rows] if weights.ndim == 2 else weights
-        tasks = None if prior is None else (prior[0][rows], np.broadcast_to(prior[1], q0.shape)[rows])
-        block = _take_block(tree, plan, p, measured[rows], some, limits, tasks)
+        heavy = np.where(find_seen(measured[rows]), some, 0.0).T
+        filled = np.where((heavy > 0.0).T[:, :, None], measured[rows], 0.0)
+        of_points = heavy if tree.placed is None else tree.placed[:, None] * heavy
+        count = of_points.sum(axis=0)
+        middle = np.einsum("mn,nmc->cn", of_points, filled) / np.where(count > 0.0, count, 1.0)
+        moved = np.moveaxis(filled, 0, -1)
+        moved = moved - (middle if tree.placed is None else tree.placed[:, None, None] * middle)
+        tasks = None
+        if prior is not None:
+            aims = (prior[0][rows], np.broadcast_to(prior[1], q0.shape)[rows])
+            tasks = (np.ascontiguousarray(aims[0].T), np.ascontiguousarray(aims[1].T))
+        block = _Problem(
+            tree=tree,
+            plan=plan,
+            p=p,
+            clusters=clustering.gather_clusters(carrier, len(tree.links), local, moved, heavy, tree.placed),
+            ground=-middle,
+            lower=limits[0][plan.variables, None],
+            upper=limits[1][plan.variables, None],
+            prior=tasks,
+            floor=_TINY * heavy.sum(axis=0) + 1e-300,
+        )
         found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
         q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
         if progress is not None:
             progress(rows.stop)
     return MotionSolution(q, cost, steps, converged)
-
-
-def _take_block(
-    tree: Tree,
-    plan: elimination.Elimination,
-    p: Array,
-    measured: Array,
-    weights: Array,
-    bounds: tuple[Array, Array],
-    prior: tuple[Array, Array] | None,
-) -> _Problem:
-    heavy = np.where(find_seen(measured), weights, 0.0).T
-    filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
-    total = heavy.sum(axis=0)
-    of_points = heavy if tree.placed is None else tree.placed[:, None] * heavy
-    count = of_points.sum(axis=0)
-    middle = np.einsum("mn,nmc->cn", of_points, filled) / np.where(count > 0.0, count, 1.0)
-    moved = np.moveaxis(filled, 0, -1)
-    moved = moved - (middle if tree.placed is None else tree.placed[:, None, None] * middle)
-    carrier = plan.row_of_link[tree.marker_link]
-    local = (tree.marker_local + tree.marker_shifts @ p)[:, :, None]
-    clusters = clustering.gather_clusters(carrier, len(tree.links), local, moved, heavy, tree.placed)
-    tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), np.ascontiguousarray(prior[1].T))
-    lower, upper = (bound[plan.variables, None] for bound in bounds)
-    floor = _TINY * total + 1e-300
-    return _Problem(
-        tree=tree,
-        plan=plan,
-        p=p,
-        clusters=clusters,
-        ground=-middle,
-        lower=lower,
-        upper=upper,
-        prior=tasks,
-        floor=floor,
-    )
 
 
 @dataclasses.dataclass(slots=True, eq=False, kw_only=True)
@@ -224,14 +197,7 @@ class _State:
     promised: Array  # decrease that the step before promised
 
     def take(self, rows: NDArray[np.intp]) -> _State:
-        return _State(
-            rows=self.rows[rows],
-            best=self.best[:, rows],
-            cost=self.cost[rows],
-            damping=self.damping[rows],
-            near=self.near[rows],
-            promised=self.promised[rows],
-        )
+        return _State(**{f.name: getattr(self, f.name)[..., rows] for f in dataclasses.fields(self)})
 
 
 def _solve_block(
@@ -241,15 +207,13 @@ def _solve_block(
     n, columns = q.shape[1], part.plan.variables
     q[columns] = _clip(q[columns], part.lower, part.upper)
     cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
-    close = np.full(n, float(settings.close))
-    unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
     state = _State(
         rows=np.arange(n),
         best=q,
         cost=np.full(n, np.inf),
         damping=np.full(n, settings.damping),
-        near=close,
-        promised=unknown,
+        near=np.full(n, float(settings.close)),
+        promised=np.full(n, np.inf if settings.close else 0.0),  # a close start counts as a step made
     )
     trial = q.copy()
     for number in range(1, settings.max_steps + 1):
@@ -299,8 +263,7 @@ def _evaluate(
 
 def _clip(value: Array, lower: Array, upper: Array) -> Array:
     """Values brought between their bounds (as np.clip, which is slow on small arrays)."""
-    bounded: Array = np.minimum(np.maximum(value, lower), upper)
-    return bounded
+    return np.asarray(np.minimum(np.maximum(value, lower), upper))
 
 
 def _solve_step(
@@ -311,13 +274,14 @@ def _solve_step(
     Near the minimum, coordinates that their carriers take past a bound are moved just to it, and the step of
     their frames is made again knowing so: cut off afterwards, it may raise the cost.
     """
-    twist, limits = elimination.compute_twists(part.plan, poses), part.limits(state.best)
-    delta, promised = _eliminate(part, misfit, twist, state, limits)
-    within = _clip(delta, limits.low, limits.high)
+    twist, now = elimination.compute_twists(part.plan, poses), state.best[part.plan.variables]
+    low, high = part.lower - now, part.upper - now
+    delta, promised = _eliminate(part, misfit, twist, state, (low, high))
+    within = _clip(delta, low, high)
     over = within != delta
     rows = np.flatnonzero(over.any(axis=0) & (state.near > 0.0))
     if len(rows):
-        given = limits.fix(over, within).take(rows)
+        given = (np.where(over, within, low)[:, rows], np.where(over, within, high)[:, rows])
         again = _eliminate(part.take(rows), misfit.take(rows), twist[..., rows], state.take(rows), given)
         delta[:, rows], promised[rows] = again
     return delta, promised
@@ -330,12 +294,16 @@ def _eliminate(
     state: _State,
     limits: elimination.Limits,
 ) -> tuple[Array, Array]:
+    tasks, columns = None, part.plan.variables
+    if part.prior is not None:
+        value, weight = part.prior[0][columns], part.prior[1][columns]
+        tasks = (weight, weight * (value - state.best[columns]))
     return elimination.solve_step(
         part.plan,
         clustering.compute_curvature_and_wrench(part.clusters, misfit, state.near),
         twist,
-        elimination.PivotDamping(state.damping, part.floor),
+        (state.damping, part.floor),
         second=state.near,
-        tasks=part.tasks(state.best),
+        tasks=tasks,
         limits=limits,
     )

@@ -135,20 +135,9 @@ class Tree:
     @cached_property
     def variables(self) -> tuple[tuple[int, ...], ...]:
         """For every link the variables that enter its moves, ascending."""
-        return tuple(
-            tuple(
-                sorted(
-                    {
-                        v
-                        for move in link.moves
-                        if not isinstance(move, laws.Fixed)
-                        for term in move.terms
-                        for v in list_variables(self, term)
-                    }
-                )
-            )
-            for link in self.links
-        )
+        moves = ([move for move in link.moves if not isinstance(move, laws.Fixed)] for link in self.links)
+        terms = ([term for move in own for term in move.terms] for own in moves)
+        return tuple(tuple(sorted({v for t in own for v in list_variables(self, t)})) for own in terms)
 
 
 def list_variables(tree: Tree, term: laws.TermArrays) -> list[int]:
@@ -183,24 +172,14 @@ class Poses:
     values: laws.Values
 
     @property
-    def node_axes(self) -> Array:
-        """Axes of all nodes, shape (n_nodes, 3, 3, n_frames)."""
-        return self.frames[:, :3]
-
-    @property
-    def node_origins(self) -> Array:
-        """Origins of all nodes, shape (n_nodes, 3, n_frames), m."""
-        return self.frames[:, 3]
-
-    @property
     def axes(self) -> Array:
         """Axes of all links, shape (n_links, 3, 3, n_frames)."""
-        return self.node_axes[self.plan.link_node]
+        return np.asarray(self.frames[self.plan.link_node, :3])
 
     @property
     def origins(self) -> Array:
         """Origins of all links, shape (n_links, 3, n_frames), m."""
-        return self.node_origins[self.plan.link_node]
+        return np.asarray(self.frames[self.plan.link_node, 3])
 
     def directions(self, entries: Sequence[plans.Entry]) -> Array:
         """Axes or shifts of some entries in ground, (n_entries, 3, n_frames)."""
@@ -262,15 +241,6 @@ def place_tree_markers(tree: Tree, poses: Poses) -> Array:
     return result
 
 
-def _turn_terms(tree: Tree, poses: Poses) -> Array:
-    """The gain of every marker term in ground, (n_terms, 3, n_frames)."""
-    if not tree.marker_terms:
-        return np.empty((0, 3, poses.frames.shape[-1]))
-    gains = np.array([item.term.gain for item in tree.marker_terms])
-    nodes = poses.plan.link_node[tree.marker_link[[item.marker for item in tree.marker_terms]]]
-    return np.asarray(np.einsum("tjan,tj->tan", poses.frames[nodes, :3], gains))
-
-
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the second-last axis (3 components), frames last."""
     result = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
@@ -307,10 +277,14 @@ def compute_jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray
             for variable, rate in list_rates(tree, poses.values, entry.term):
                 if variable in row:
                     result[row[variable], below] += moved * rate
-    for item, direction in zip(tree.marker_terms, _turn_terms(tree, poses), strict=True):
-        for variable, rate in list_rates(tree, poses.values, item.term):
-            if variable in row:
-                result[row[variable], item.marker] += direction * rate
+    if tree.marker_terms:
+        gains = np.array([item.term.gain for item in tree.marker_terms])
+        nodes = poses.plan.link_node[tree.marker_link[[item.marker for item in tree.marker_terms]]]
+        directions = np.einsum("tjan,tj->tan", poses.frames[nodes, :3], gains)
+        for item, direction in zip(tree.marker_terms, directions, strict=True):
+            for variable, rate in list_rates(tree, poses.values, item.term):
+                if variable in row:
+                    result[row[variable], item.marker] += direction * rate
     return result
 
 

@@ -172,14 +172,14 @@ def differentiate_spline(times: ArrayLike, values: ArrayLike) -> tuple[Array, Ar
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """A change of the coefficients (n_coefficients, m) and of the shared numbers (k,)."""
+class Unknowns:
+    """Coefficients (n_coefficients, m) and shared numbers (k,), or a change of them."""
 
     coefficients: Array
     shared: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Quadratic:
     """``value + 2 gradient . d + d . matrix d`` of coefficients and shared numbers moved by d."""
 
@@ -191,7 +191,19 @@ class Quadratic:
     border: Array  # (n_coefficients, m, k)
     corner: Array  # (k, k)
 
-    def at(self, step: Step) -> float:
+    @classmethod
+    def empty(cls, count: int, m: int, k: int) -> Quadratic:
+        """Nothing said yet of (count, m) coefficients and k shared numbers."""
+        return cls(
+            value=0.0,
+            gradient=np.zeros((count, m)),
+            blocks=np.zeros((ORDER, count, m, m)),
+            shared_gradient=np.zeros(k),
+            border=np.zeros((count, m, k)),
+            corner=np.zeros((k, k)),
+        )
+
+    def at(self, step: Unknowns) -> float:
         """The value after a step."""
         d, x = step.coefficients, step.shared
         own = 2.0 * float((self.gradient * d).sum()) + float((d * self.times(d)).sum())
@@ -276,5 +288,4 @@ def solve_band(band: Array, right: Array, held: NDArray[np.bool_]) -> Array:
             band[below, reached - below] = 0.0
         band[0, fixed] = 1.0
     factor = scipy.linalg.cholesky_banded(band, lower=True, check_finite=False)
-    found: Array = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
-    return found
+    return np.asarray(scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False))

@@ -314,8 +314,7 @@ def find_largest_masses(curves: Array, threshold: float) -> Array:
     if len(starts):
         # What lies between two runs is zero, so a sum up to the next start is the run's own.
         np.maximum.at(largest, starts // (curves.shape[1] + 1), np.add.reduceat(sizes, starts))
-    found: Array = largest.reshape(2, -1).max(axis=0)
-    return found
+    return np.asarray(largest.reshape(2, -1).max(axis=0))
 
 
 def _cluster(

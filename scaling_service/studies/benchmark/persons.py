@@ -216,8 +216,7 @@ def _slide(
             raw: Array = gaussian_filter1d(rng.normal(size=(n + 200, 3)), 0.15 * RATE_HZ, axis=0)[
                 100 : n + 100
             ]
-            wandered: Array = LOOSE * size * sd * raw / np.sqrt(1 / (2 * np.sqrt(np.pi) * 0.15 * RATE_HZ))
-            return wandered
+            return np.asarray(LOOSE * size * sd * raw / np.sqrt(1 / (2 * np.sqrt(np.pi) * 0.15 * RATE_HZ)))
 
         shift, turn = wander(SHIFT[kind]), wander(TURN[kind])
         for m in names:
@@ -231,8 +230,7 @@ def _moves(rng: np.random.Generator) -> dict[str, dict[str, Array]]:
 
     def smooth(n: int, sd: float, seconds: float) -> Array:
         raw: Array = gaussian_filter1d(rng.normal(size=n + 400), seconds * RATE_HZ)[200 : n + 200]
-        smooth_noise: Array = sd * raw / max(raw.std(), 1e-9)
-        return smooth_noise
+        return np.asarray(sd * raw / max(raw.std(), 1e-9))
 
     def still(n: int) -> dict[str, Array]:
         q: dict[str, Array] = {"time": np.arange(n) / RATE_HZ}

@@ -79,12 +79,20 @@ def make_tables(document: BenchmarkDocument) -> Iterator[tables.Table]:
     """A table for every task, and one of the whole."""
     for task in document.tasks:
         columns = [task.title, "answered", *(metric.title for metric in task.metrics), "mean place"]
+        # A metric's mean, or a dash where no answer states it.
         rows = [
             tables.Row(
                 entry.entry,
                 [
                     f"{entry.answered}/{len(task.cases)}",
-                    *(format_value(entry.values, metric) for metric in task.metrics),
+                    *(
+                        (
+                            f"{entry.values[metric.key]:.{metric.digits}f}"
+                            if metric.key in entry.values
+                            else "–"
+                        )
+                        for metric in task.metrics
+                    ),
                     f"{entry.place:.2f}",
                 ],
             )
@@ -98,11 +106,6 @@ def make_tables(document: BenchmarkDocument) -> Iterator[tables.Table]:
     }
     rows = [tables.Row(n, [f"{answered[n]}/{cases}", f"{place:.2f}"]) for n, place in document.places.items()]
     yield tables.Table(caption="", columns=["All tasks", "answered", "mean place"], rows=rows)
-
-
-def format_value(values: dict[str, float], metric: MetricPart) -> str:
-    """A metric's mean, or a dash where no answer states it."""
-    return f"{values[metric.key]:.{metric.digits}f}" if metric.key in values else "–"
 
 
 def read_document(file: Path) -> BenchmarkDocument:

@@ -118,7 +118,10 @@ def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
 
     ``faults``: multiplies placement errors, artefact and noise: one as in the literature, zero for none.
     """
-    height, mass = _build(seed)
+    rng, (low, high) = stream(seed, "squatter"), BODY_MASS_INDEX
+    height = mass = 0.0
+    while not (height > 0 and low < mass / height**2 < high):
+        height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
     # Lengths and inertia
     generic = load_builtin(inertia_planar.SQUAT)
     rng = stream(seed, "squatter", "lengths")
@@ -141,15 +144,6 @@ def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     return VirtualSquatter(
         name=f"squatter_{seed}", height_m=height, mass_kg=mass, model=model, fitted=fitted, held_out=held_out
     )
-
-
-def _build(seed: int) -> tuple[float, float]:
-    rng = stream(seed, "squatter")
-    low, high = BODY_MASS_INDEX
-    while True:
-        height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
-        if height > 0 and low < mass / height**2 < high:
-            return height, mass
 
 
 def _scatter_model(seed: int, model: body.BodyModel, mass: float) -> body.BodyModel:

@@ -24,7 +24,6 @@ from scaling_service.documents.writing import code_version
 from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
-from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
@@ -121,24 +120,22 @@ def make_recording(
     """Markers and filtered forces in the plane, and what inverse kinematics makes of the markers."""
     trial = planar.in_plane(squats.trial, plane)
     count = len(trial.times)
-    return recording.ConsistentRecording(
-        trial=trial,
-        motion=inverse_kinematics(model, trial),
-        loads=_filter_loads(planar.project_loads(squats.loads, plane)),
-        supported=np.ones(count, dtype=bool),
-        about=np.zeros((count, 3)),
-        components=recording.SAGITTAL,
-    )
+    loads = planar.project_loads(squats.loads, plane)
 
-
-def _filter_loads(loads: SegmentLoads) -> SegmentLoads:
     def smooth(values: Array) -> Array:
         flat = values.reshape(len(values), -1)
         return filter_butterworth(
             flat, rate_hz=squatters.RATE_HZ, cutoff_hz=DYNAMICS_CUTOFF_HZ, order=ORDER
         ).values.reshape(values.shape)
 
-    return dataclasses.replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
+    return recording.ConsistentRecording(
+        trial=trial,
+        motion=inverse_kinematics(model, trial),
+        loads=dataclasses.replace(loads, force=smooth(loads.force), moment=smooth(loads.moment)),
+        supported=np.ones(count, dtype=bool),
+        about=np.zeros((count, 3)),
+        components=recording.SAGITTAL,
+    )
 
 
 def compute_inertia_distance(model: BodyModel, truth: BodyModel) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -44,12 +45,8 @@ scatter by about 3 %)."""
 CLAIMS: claims.Claims[Muller2017Document] = claims.Claims.read(__package__)
 
 
-def _of(study: Muller2017Document, name: str) -> Array:
-    """Six numbers of every person, (n, 6)."""
-    return np.array([getattr(person, name) for person in study.persons])
-
-
-def _list_flags(study: Muller2017Document, name: str) -> NDArray[np.bool_]:
+def _of(study: Muller2017Document, name: str) -> NDArray[Any]:
+    """Six numbers, or flags, of every person, (n, 6)."""
     return np.array([getattr(person, name) for person in study.persons])
 
 
@@ -141,7 +138,7 @@ def uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
 
 @CLAIMS.decide
 def calibration_refused(study: Muller2017Document) -> claims.Answer:
-    supported = _list_flags(study, "calibration_supported")
+    supported = _of(study, "calibration_supported")
     every, some = supported.all(axis=1), supported.any(axis=1)
     counts = {"yes": every.sum(), "in part": (some & ~every).sum(), "no": (~some).sum()}
     said = ", ".join(f"{word}: {count}" for word, count in counts.items())
@@ -150,7 +147,7 @@ def calibration_refused(study: Muller2017Document) -> claims.Answer:
 
 @CLAIMS.decide
 def refusal_is_right(study: Muller2017Document) -> claims.Answer:
-    refused, blamed = ~_list_flags(study, "calibration_supported"), _list_flags(study, "blamed")
+    refused, blamed = ~_of(study, "calibration_supported"), _of(study, "blamed")
     wrong = refused & blamed
     by = ", ".join(f"{n} {k}" for n, k in zip(COMPONENTS, wrong.sum(axis=0), strict=True) if k)
     said = f"{int((refused & ~blamed).sum())} of {int(refused.sum())} refusals are right"
@@ -205,7 +202,7 @@ def identification_worse(study: Muller2017Document) -> claims.Answer:
 
 @CLAIMS.decide
 def worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
-    logs, blamed = np.log(_compute_growth(study)), _list_flags(study, "blamed")
+    logs, blamed = np.log(_compute_growth(study)), _of(study, "blamed")
     refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
     allowed = logs[blamed]
     p = _assess_positive(refused)
@@ -216,7 +213,7 @@ def worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
 
 @CLAIMS.decide
 def markers_verdict(study: Muller2017Document) -> claims.Answer:
-    supported, blamed = _list_flags(study, "supported_by_markers"), _list_flags(study, "blamed")
+    supported, blamed = _of(study, "supported_by_markers"), _of(study, "blamed")
     if not supported.any():
         return claims.Answer(None, "nothing is supported")
     logs = np.log(_compute_growth(study))

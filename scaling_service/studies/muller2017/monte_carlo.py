@@ -1,15 +1,12 @@
 """A residual's uncertainty by Monte Carlo, of the motion and of the plates, as Muller et al. 2017 draw it.
 
 The closed form of ``dynamics`` gives the same numbers without samples: this is the paper's way, and what the
-closed form is tested against. Results do not depend on the executor.
+closed form is tested against.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from concurrent.futures import Executor, as_completed
-from functools import partial
 
 import numpy as np
 
@@ -20,7 +17,6 @@ from scaling_service.capabilities.dynamics.uncertainty import total as totals
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
-from scaling_service.core.threads import Serial
 from scaling_service.numerics.multibody.tree import cross
 from scaling_service.studies.muller2017 import points
 
@@ -31,9 +27,6 @@ them lie in the lowest level, so that every level draws from more motions than i
 _LEVER_M = 0.1
 """How far markers move per radian of noise, about (chosen: the filter lets a third of it through, and markers
 sit some 0.3 m from their joints); only where the search for the largest perturbation begins."""
-
-CHUNK = 125
-"""Samples per task (chosen: some seconds of work each, so that two workers end together)."""
 
 _PILOTS = 3  # motions that the largest perturbation is found with; their errors differ by few per cent
 
@@ -56,55 +49,6 @@ class Level:
     added_m: float  # the largest added error
     dispersion: Array  # (6,): of the residual indicator: ``sqrt(12)`` standard deviations
     distinct: int  # how many different motions were drawn
-
-
-def draw_database(
-    body: points.PointBody,
-    reference: references.Reference,
-    count: int,
-    seed: int,
-    reach: float,
-    executor: Executor,
-    progress: Callable[[float], None] | None = None,
-) -> MotionDatabase:
-    """Perturb the reference motion and compute each motion's error and residual.
-
-    ``reach`` is the reconstruction error that must be covered, over the reference's.
-    """
-    error, dr = linear.compute_error_and_indicator(reference)
-    largest = _find_largest(body, reference, seed, error, reach + linear.BEYOND)
-    rows = _sample(executor, partial(_perturb, body, reference, seed, largest), count, progress)
-    return MotionDatabase(error_m=error, dr=dr, sizes=rows[:, 0], errors_m=rows[:, 1], indicators=rows[:, 2:])
-
-
-def _sample(
-    executor: Executor,
-    sample: Callable[[int], Array],
-    count: int,
-    progress: Callable[[float], None] | None = None,
-) -> Array:
-    """Rows of all samples in their order, computed in chunks, here or in worker processes (so picklable)."""
-    chunks = [range(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
-    futures = [executor.submit(_list_rows, sample, chunk) for chunk in chunks]
-    for done, _ in enumerate(as_completed(futures), start=1):
-        if progress is not None:
-            progress(done / len(futures))
-    return np.concatenate([future.result() for future in futures])
-
-
-def _list_rows(sample: Callable[[int], Array], numbers: range) -> Array:
-    return np.array([sample(number) for number in numbers])
-
-
-def _perturb(
-    body: points.PointBody, reference: references.Reference, seed: int, largest: float, number: int
-) -> Array:
-    """Size, error and indicator of one perturbed motion, shape (8,)."""
-    rng = stream(seed, "uncertainty", reference.trial, "motion", number)
-    size = largest * rng.random()
-    noise = rng.standard_normal((len(reference.varied), reference.n_frames))
-    error, residual = points.compute_residual(body, reference, reference.perturb(noise, size))
-    return np.concatenate([[size, error], reference.indicator(residual)])
 
 
 def _find_largest(
@@ -153,8 +97,7 @@ def _push(plates: uncertainty_plates.PressedPlates, seed: int, trial: str, numbe
     shifted = plates.centre * rng.standard_normal(plates.force.shape)
     moment = cross(plates.lever + shifted, pushed) + cross(shifted, plates.force)
     residual = plates.residual - np.concatenate([pushed.sum(axis=0), moment.sum(axis=0)])
-    rms: Array = np.sqrt(np.einsum("cn,cn->c", residual, residual) / residual.shape[1]) / plates.scale
-    return rms
+    return np.asarray(np.sqrt(np.einsum("cn,cn->c", residual, residual) / residual.shape[1]) / plates.scale)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,29 +138,34 @@ class SampledUncertainty(totals.WrenchUncertainty):
 
 
 def propagate_by_samples(
-    recording: references.LoadedMotion,
-    settings: UncertaintySettings = UncertaintySettings(),
-    *,
-    executor: Executor | None = None,
-    progress: Callable[[float], None] | None = None,
+    recording: references.LoadedMotion, settings: UncertaintySettings = UncertaintySettings()
 ) -> SampledUncertainty:
     """Muller's whole study for one recording, by Monte Carlo.
 
-    Samples are drawn by the executor, in this thread unless one is given; every sample has a random stream of
-    its own. Progress is the share that is done. Refuses a recording whose markers are followed without any
+    Every sample has a random stream of its own. Refuses a recording whose markers are followed without any
     error, so that there is nothing to scale a perturbation by.
     """
     reference = references.Reference.of(recording, settings.noise_on)
-    run = executor or Serial()
     body = points.PointBody.of(recording.model, recording.motion.markers)
-    database = draw_database(
-        body, reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
+    reach = 1.0 + max(settings.levels)
+    # Perturb the reference motion and compute each motion's error and residual.
+    error, dr = linear.compute_error_and_indicator(reference)
+    largest = _find_largest(body, reference, settings.seed, error, reach + linear.BEYOND)
+    rows = np.empty((settings.database_size, 8))
+    for number, row in enumerate(rows):
+        rng = stream(settings.seed, "uncertainty", reference.trial, "motion", number)
+        row[0] = largest * rng.random()
+        noise = rng.standard_normal((len(reference.varied), reference.n_frames))
+        moved = reference.perturb(noise, float(row[0]))
+        row[1], residual = points.compute_residual(body, reference, moved)
+        row[2:] = reference.indicator(residual)
+    database = MotionDatabase(
+        error_m=error, dr=dr, sizes=rows[:, 0], errors_m=rows[:, 1], indicators=rows[:, 2:]
     )
     levels = draw_levels(database, settings.levels, settings.samples, settings.seed)
-    push = partial(
-        _push, uncertainty_plates.list_pressed(reference, settings.plates), settings.seed, reference.trial
-    )
-    plate = uncertainty_plates.SIGMAS * _sample(run, push, settings.samples).std(axis=0, ddof=1)
+    plates = uncertainty_plates.list_pressed(reference, settings.plates)
+    pushed = [_push(plates, settings.seed, reference.trial, k) for k in range(settings.samples)]
+    plate = uncertainty_plates.SIGMAS * np.std(pushed, axis=0, ddof=1)
     added = np.array([level.added_m for level in levels])
     dispersion = np.array([level.dispersion for level in levels])
     slopes, r2, centred = linear.fit_slopes_through_zero(1e2 * added, dispersion)  # per cm

@@ -27,7 +27,11 @@ _MEANS = (
 def summarise(document: documents.Muller2017Document) -> Summary:
     """The study in short, with what only virtual persons can tell and where the uncertainty comes from."""
     persons = document.persons
-    further = [*_make_truth_tables(persons), *_make_source_tables(persons[0])]
+    further = [
+        _tabulate_identified("Identified beside the tables", [p.identified_beside_tables for p in persons]),
+        _tabulate_identified("Identified with hardly any tables", [p.identified_freely for p in persons]),
+        *_make_source_tables(persons[0]),
+    ]
     return summarise_study("Muller et al. 2017", document, [*make_tables(document), *further])
 
 
@@ -54,14 +58,6 @@ def make_tables(document: documents.Muller2017Document) -> list[tables.Table]:
 
 def _format_percent(shares: abc.Iterable[float]) -> list[str]:
     return [f"{100 * share:.2f}" for share in shares]
-
-
-def _make_truth_tables(persons: abc.Sequence[documents.PersonEntry]) -> abc.Iterator[tables.Table]:
-    for title, name in (
-        ("Identified beside the tables", "identified_beside_tables"),
-        ("Identified with hardly any tables", "identified_freely"),
-    ):
-        yield _tabulate_identified(title, [getattr(person, name) for person in persons])
 
 
 def _tabulate_identified(title: str, entries: abc.Sequence[object]) -> tables.Table:

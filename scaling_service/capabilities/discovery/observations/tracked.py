@@ -56,7 +56,7 @@ class InertialLoads:
         """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
         p = list_parameter_values(self.model)
         found = compute_regressor_blocks(self.mechanism, self.rated.rates, p, gravity=self.gravity)
-        made = np.concatenate([block.ground for block in found])
+        made = np.concatenate([block for _, block in found])
         made[:, 3:] += np.cross(self.root[:, :, None], made[:, :3], axis=1)
         return made
 

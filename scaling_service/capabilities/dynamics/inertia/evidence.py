@@ -65,13 +65,13 @@ def gather_evidence(model: BodyModel, recording: ForceRecording) -> WrenchEquati
     measured = wrench.move_moment(dynamics.external.T, dynamics.root.T).T
     curvature, slope = np.zeros((N_COMPONENTS, prior.size, prior.size)), np.zeros((N_COMPONENTS, prior.size))
     errors = np.full(measured.shape, np.nan)
-    for block in wrench.compute_regressor_blocks(
+    for frames, regressor in wrench.compute_regressor_blocks(
         mechanism, dynamics.motion.rates, list_parameter_values(model)
     ):
-        kept = used[block.rows]
-        rows = block.ground[kept]
-        error = measured[block.rows][kept] - rows @ prior
-        errors[np.flatnonzero(used[block.rows]) + block.rows.start] = error
+        kept = used[frames]
+        rows = regressor[kept]
+        error = measured[frames][kept] - rows @ prior
+        errors[np.flatnonzero(kept) + frames.start] = error
         by_component = np.ascontiguousarray(rows.transpose(1, 0, 2))
         curvature += by_component.transpose(0, 2, 1) @ by_component
         slope += np.einsum("cnp,nc->cp", by_component, error)
@@ -120,15 +120,6 @@ def gather(
     information = sum(np.einsum("c,cpq->pq", w, e.curvature) for w, e in zip(weights, evidence, strict=True))
     slope = sum(w @ e.slope for w, e in zip(weights, evidence, strict=True))
     return np.asarray(information), np.asarray(slope)
-
-
-def weigh_errors(
-    evidence: Sequence[WrenchEquations], noise: Array, components: NDArray[np.bool_]
-) -> tuple[float, float]:
-    """Sum of squared errors over their noise, and how many independent errors there are; see ``gather``."""
-    squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)
-    count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)
-    return squares, count
 
 
 def estimate_noise(gains: Array, slopes: Array, squares: float, count: float) -> float:

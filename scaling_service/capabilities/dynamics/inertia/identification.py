@@ -248,9 +248,8 @@ def identify_inertia(
     inertias = inertia.gather_inertias(model)
     nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
     wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
-    if not wrong:
-        model, repaired = model, []
-    else:
+    repaired: list[str] = []
+    if wrong:
         tensors = np.array([tensor for tensor, _ in nearest])
         said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
         model, repaired = inertia.with_inertias(model, dataclasses.replace(inertias, tensor=tensors)), [said]
@@ -338,11 +337,12 @@ def _solve(
     free = prior.scale @ prior.basis
     gains, vectors = np.linalg.eigh(free.T @ information @ free)
     slopes = vectors.T @ (free.T @ slope)
-    size = (
-        1.0
-        if noise_known is not None
-        else weighing.estimate_noise(gains, slopes, *weighing.weigh_errors(evidence, assumed, components))
-    )
+    size = 1.0
+    if noise_known is None:
+        # Squared errors over their noise, and how many of them are independent
+        squares = sum(float((e.squares / (assumed**2 * e.repeats))[components].sum()) for e in evidence)
+        count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)
+        size = weighing.estimate_noise(gains, slopes, squares, count)
     gains, slopes = gains / size**2, slopes / size**2
     kept = np.flatnonzero(gains > DECIDES)[::-1]
     directions = prior.basis @ vectors[:, kept]

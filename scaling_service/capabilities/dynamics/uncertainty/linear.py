@@ -87,8 +87,8 @@ def _by_lag(reference: references.Reference, q: Array, external: Array) -> Array
         references.difference_twice(q, step),
     )
     screws = motions.list_screws(reference.mechanism, motion, reference.p, reference.varied)
-    found = differentiate_wrench(reference.mechanism, screws, len(reference.varied))
-    by = found.by.transpose(2, 3, 1, 0)  # q, qdot and qddot first
+    wrench, rates = differentiate_wrench(reference.mechanism, screws, len(reference.varied))
+    by = rates.transpose(2, 3, 1, 0)  # q, qdot and qddot first
     # about the moving root, needed and provided alike: M - root x F
     root = screws.state.poses.origins[0]
     by[:, :, 3:] -= trees.cross(root, by[:, :, :3])
@@ -96,7 +96,7 @@ def _by_lag(reference: references.Reference, q: Array, external: Array) -> Array
     on_root = np.flatnonzero(reference.mechanism.carriers[screws.entries, 0])
     turns = screws.rates[0, on_root]
     np.add.at(carried, screws.columns[on_root], turns[:, :3] + trees.cross(turns[:, 3:], root))
-    by[0, :, 3:] -= trees.cross(carried, found.wrench[:3] - external)
+    by[0, :, 3:] -= trees.cross(carried, wrench[:3] - external)
     first = [-w / step for w in references.SLOPES[::-1]] + [0.0] + [w / step for w in references.SLOPES]
     second = [
         w / step**2 for w in (*references.STENCIL[::-1], -2.0 * sum(references.STENCIL), *references.STENCIL)

@@ -239,7 +239,7 @@ def choose_frames(
     first, second = differentiate_spline(recording.motion.times, q)
     rates = motion.Motion.of_frames(q[rows], first[rows], second[rows])
     blocks = compute_regressor_blocks(inertia.compile_mechanism(recording.model), rates, reference.p)
-    regressor = np.concatenate([block.ground for block in blocks])
+    regressor = np.concatenate([block for _, block in blocks])
     # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
     inertias = inertia.gather_inertias(recording.model)
     result = np.empty((len(inertias.mass), motion.N_PARAMETERS))

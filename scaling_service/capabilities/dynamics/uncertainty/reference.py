@@ -206,8 +206,7 @@ class Reference:
     def indicator(self, residual: Array) -> Array:
         """Muller's dr (eq. 7) over the frames used, shape (6,)."""
         used = residual[:, self.used]
-        rms: Array = np.sqrt(np.einsum("cn,cn->c", used, used) / used.shape[1]) / self.scale
-        return rms
+        return np.asarray(np.sqrt(np.einsum("cn,cn->c", used, used) / used.shape[1]) / self.scale)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -168,8 +168,7 @@ def _find_middle(trial: Trial, names: abc.Sequence[str]) -> Array | None:
     known = [place for place in places if place is not None]
     if len(known) < len(names):
         return None
-    mean: Array = np.mean(known, axis=0)
-    return mean
+    return np.asarray(np.mean(known, axis=0))
 
 
 def _follow_foot(trial: Trial, side: frames.Side) -> tuple[str, Array]:
@@ -218,8 +217,7 @@ def _find_facing(trial: Trial) -> Array:
     for names in (("RPSIS", "LPSIS"), ("SACR",)):
         back = _find_middle(trial, names)
         if front is not None and back is not None and np.any(both := find_seen(front) & find_seen(back)):
-            mean: Array = (front - back)[both].mean(axis=0) * [1.0, 0.0, 1.0]
-            return mean
+            return np.asarray((front - back)[both].mean(axis=0) * [1.0, 0.0, 1.0])
     return np.array([1.0, 0.0, 0.0])
 
 

@@ -58,10 +58,12 @@ def measure_geometry(calibration: results.Calibration) -> Geometry:
         if thigh and move is not None and any(move.turn):
             axis = find_axis_in_parent(segment, values)
             tilts[segment.joint_name] = parameters.tilt_of(axis if axis[2] > 0.0 else -axis)
+    # `r` for `knee_r` or `walker_knee_r`; the joint's own name where it says no side
+    ends = {joint: joint.rpartition("_")[2].lower() for joint in tilts}
     return Geometry(
         anatomy_lengths.measure_segment_lengths(calibration.model),
         anatomy_lengths.find_joint_centres(calibration.model),
-        {_find_side(joint): tilt for joint, tilt in tilts.items()},
+        {ends[joint] if ends[joint] in ("r", "l") else joint: tilt for joint, tilt in tilts.items()},
         measure_marker_shifts(calibration),
     )
 
@@ -77,12 +79,6 @@ def measure_marker_shifts(calibration: results.Calibration) -> dict[str, float]:
         if parameter.group == "marker":
             shifts[parameter.target] = math.hypot(shifts[parameter.target], parameter.value)
     return shifts
-
-
-def _find_side(joint: str) -> str:
-    """``r`` for ``knee_r`` or ``walker_knee_r``; the joint's own name where it says no side."""
-    tail = joint.rpartition("_")[2].lower()
-    return tail if tail in ("r", "l") else joint
 
 
 def place_centres(

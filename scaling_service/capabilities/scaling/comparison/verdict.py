@@ -104,13 +104,19 @@ def judge(evidence: judging.Evidence) -> VerdictDocument:
             "no merit: what is free takes up skin, and of virtual persons such models are further from the "
             "bones."
         )
+    # One line each for markers, for lengths and joint centres, and for joint angles.
+    topics = {
+        "Following the markers": _rate_markers(chosen),
+        "Lengths and joint centres": _rate_geometry(chosen, evidence),
+        "Joint angles": _rate_angles(chosen),
+    }
     return VerdictDocument(
         method=chosen.method,
         strength=strength,
         headline=_write_headline(chosen, strength, evidence),
         tone=TONES[strength],
         why=[*doubts, *why],
-        trust=rate_trust(chosen, evidence),
+        trust=[TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items()],
     )
 
 
@@ -143,16 +149,6 @@ def _write_headline(chosen: judging.MethodEvidence, strength: Strength, evidence
     if strength == "leaning":
         return f"Use {ANSWER} for this person, which leans on what is ordinary in people{said}."
     return f"Use {ANSWER} for this person{said}."
-
-
-def rate_trust(chosen: judging.MethodEvidence, evidence: judging.Evidence) -> list[TrustNote]:
-    """One line each for markers, for lengths and joint centres, and for joint angles."""
-    topics = {
-        "Following the markers": _rate_markers(chosen),
-        "Lengths and joint centres": _rate_geometry(chosen, evidence),
-        "Joint angles": _rate_angles(chosen),
-    }
-    return [TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items()]
 
 
 def _rate_markers(chosen: judging.MethodEvidence) -> Graded:

@@ -8,6 +8,7 @@ from collections.abc import Collection
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
+from scaling_service.capabilities.scaling.methods.people_prior import ENDS, SPINES
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy import frames
@@ -19,26 +20,18 @@ from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence
 from scaling_service.numerics.multibody.laws import Array
 
-_PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
-
 _DOUBTFUL, _DOUBTFUL_HIPS, _IMPOSSIBLE = 0.10, 0.15, 0.30
 """Chosen: how far a bone, or hips from each other, may be from the length by markers before it is warned of,
 and before it is refused. Femurs by markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019,
 section 3.1), three deviations of which are a tenth of a femur, hips by up to 10 %."""
-
-_ENDS = {"inter_hip": ("hip_r", "hip_l")} | {
-    f"{name}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
-    for side in "rl"
-    for name, upper, lower in (("femur", "hip", "knee"), ("shank", "knee", "ankle"))
-}
 
 
 def find_imaged_spines(evidence: ImageEvidence) -> tuple[dict[str, Array], bool]:
     """The four spines in the image, (3,) m, and True; or the markers over them and False; or nothing."""
     skin = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
     for points, bony in ((evidence.landmarks, True), (skin, False)):
-        if all(name in points for name in _PELVIS):
-            return {name: np.array(points[name]) for name in _PELVIS}, bony
+        if all(name in points for name in SPINES):
+            return {name: np.array(points[name]) for name in SPINES}, bony
     return {}, False
 
 
@@ -138,7 +131,7 @@ def find_lengths(evidence: ImageEvidence, model: BodyModel) -> dict[str, float]:
             )
     return {
         name: float(np.linalg.norm(np.subtract(centres[first], centres[second])))
-        for name, (first, second) in _ENDS.items()
+        for name, (first, second) in ENDS.items()
         if name in measure_segment_lengths(model) and first in centres and second in centres
     }
 

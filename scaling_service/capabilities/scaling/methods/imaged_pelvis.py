@@ -44,15 +44,6 @@ class PelvisFit:
     ]  # side to its centre in the image, (3,) m; one that is not seen is a mirror image
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Pairs:
-    """Points of the model's pelvis and of the image, (n, 3) m, and their covariance, (3 n, 3 n), m2."""
-
-    model: Array  # in the pelvis's frame
-    image: Array
-    covariance: Array  # in the pelvis's axes
-
-
 def fit_pelvis(
     model: body.BodyModel,
     pelvis: str,
@@ -75,14 +66,14 @@ def fit_pelvis(
     for side, other in ("rl", "lr"):  # of half a pelvis the other hip is the mirror image
         if other in seen:
             seen.setdefault(side, image.to_ground(image.to_local(seen[other])[0] * _MIRROR)[0])
-    pairs = _pair_points(model, pelvis, evidence, hips, seen)
+    ours, theirs, covariance = _pair_points(model, pelvis, evidence, hips, seen)
+    centre, middle = ours.mean(axis=0), theirs.mean(axis=0)
     start = (
         _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
         @ _make_axes(hips["r"] - hips["l"], _find_model_forward(model, pelvis)).T
     )
-    whiten = np.linalg.inv(np.linalg.cholesky(pairs.covariance))
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     prior = np.linalg.inv(np.linalg.cholesky(size_sd**2 * np.ones((3, 3)) + shape_sd**2 * np.eye(3)))
-    middle = pairs.image.mean(axis=0)
 
     def lay(x: Array) -> tuple[Array, Array, Array]:
         rotation, factors = start @ convert_vector_to_rotation(x[:3]), np.exp(x[6:])
@@ -90,16 +81,16 @@ def fit_pelvis(
 
     def measure_gaps(x: Array) -> Array:
         rotation, at, factors = lay(x)
-        gaps = (pairs.model - pairs.model.mean(axis=0)) * factors - (pairs.image - at) @ rotation
+        gaps = (ours - centre) * factors - (theirs - at) @ rotation
         return np.concatenate([whiten @ gaps.ravel(), x[:3] / _TURN, prior @ x[6:]])
 
     found = scipy.optimize.least_squares(measure_gaps, np.zeros(9), x_scale="jac")
     rotation, at, factors = lay(found.x)
-    covariance = np.linalg.inv(found.jac.T @ found.jac)
+    spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
     return PelvisFit(
         factors=body.to_vector(factors),
-        deviations=body.to_vector(np.sqrt(np.diag(covariance)[6:])),
-        pose=trials.ImagePose(rotation, at - rotation @ (factors * pairs.model.mean(axis=0))),
+        deviations=body.to_vector(spread[6:]),
+        pose=trials.ImagePose(rotation, at - rotation @ (factors * centre)),
         image=image,
         hips=seen,
     )
@@ -131,7 +122,11 @@ def _pair_points(
     evidence: trials.ImageEvidence,
     hips: Mapping[str, Array],
     seen: Mapping[str, Array],
-) -> _Pairs:
+) -> tuple[Array, Array, Array]:
+    """Points of the model's pelvis, in its frame, and of the image, (n, 3) m, and their covariance.
+
+    (3 n, 3 n), m2, in the pelvis's axes.
+    """
     people, marked = read_people(), _find_marked_spines(model, pelvis)
     shown, bony = find_imaged_spines(evidence)
     spines = {**shown, "SACR": (shown["RPSIS"] + shown["LPSIS"]) / 2.0}
@@ -152,7 +147,7 @@ def _pair_points(
     both[:3, 3:] = both[3:, :3] = np.diag(people.hip_sides * apart * _MIRROR)
     ours += [hips["r"], hips["l"]]
     theirs += [seen["r"], seen["l"]]
-    return _Pairs(model=np.array(ours), image=np.array(theirs), covariance=block_diag(*blocks, both))
+    return np.array(ours), np.array(theirs), np.asarray(block_diag(*blocks, both))
 
 
 def _measure_variance(name: str, evidence: trials.ImageEvidence, people: People, bony: bool) -> Array:

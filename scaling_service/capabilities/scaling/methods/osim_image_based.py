@@ -134,8 +134,7 @@ def find_axis_in_parent(segment: body.Segment, values: Mapping[str, float]) -> A
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
     first, _ = find_turning_joints(segment)
     rotation, _ = posing.follow(segment.joints[:first], values)
-    axis: Array = rotation @ np.array(segment.joints[first].axis)
-    return axis
+    return np.asarray(rotation @ np.array(segment.joints[first].axis))
 
 
 def register_pelvis(found: Registration, fit: imaged_pelvis.PelvisFit) -> None:

@@ -33,6 +33,13 @@ _STEP = 1e-3  # relative, and m: of differences; the regressions are linear
 
 SPINES = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 
+ENDS = {"inter_hip": ("hip_r", "hip_l")} | {
+    f"{name}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
+    for side in "rl"
+    for name, upper, lower in (("femur", "hip", "knee"), ("shank", "knee", "ankle"))
+}
+"""Lengths to the joint centres that they lie between."""
+
 Spines = abc.Mapping[str, Array]
 """RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
 
@@ -117,13 +124,8 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
 
 def measure_imaged(imaged: Imaged, people: population.People) -> dict[str, tuple[float, float]]:
     """Dimensions that images show and their standard deviations, m."""
-    ends = {"inter_hip": ("hip_r", "hip_l")} | {
-        f"{length}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
-        for length, upper, lower in (("femur", "hip", "knee"), ("shank", "knee", "ankle"))
-        for side in "rl"
-    }
     return {
-        name: (length, float(np.linalg.norm([imaged.deviate_centre(end, people) for end in ends[name]])))
+        name: (length, float(np.linalg.norm([imaged.deviate_centre(end, people) for end in ENDS[name]])))
         for name, length in imaged.lengths.items()
     }
 
@@ -191,51 +193,6 @@ def find_spines(model: body.BodyModel, told: abc.Mapping[str, str]) -> Spines | 
     return found if len(found) == 4 else None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _HipRelation:
-    """How far regressions put the hips from the model's, as sizes and skin vary."""
-
-    model: body.BodyModel
-    people: population.People
-    pelvis: str
-    spines: Spines
-    sides: tuple[str, ...]
-    expected: DimensionPrior  # of persons like this one, where the model has no ankle
-    lengths: abc.Mapping[str, float]  # of the model's segments, m
-    hips: abc.Mapping[str, Array]  # side to the model's own, (3,) m
-
-    def evaluate(self, sizes: abc.Mapping[str, float], front: float, back: float) -> Array:
-        """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
-
-        ``front``, ``back``: skin over ASIS and PSIS, m.
-        """
-        deep, wide = sizes[f"scale.{self.pelvis}.x"], sizes[f"scale.{self.pelvis}.z"]
-        along = np.array([deep, (deep + wide) / 2.0, wide])
-        bony = [
-            along * self.spines[name] + [-front if name.endswith("ASIS") else back, 0.0, 0.0]
-            for name in SPINES
-        ]
-        found = []
-        for side in self.sides:
-            # From ASIS to ankle of a straight leg, m
-            if f"shank_{side}" not in self.lengths:
-                leg = self.expected.value(f"leg_length_{side}")
-            else:
-                total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
-                for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
-                    total += self.lengths[name] * sizes.get(
-                        f"scale.{anatomy_lengths.find_segment(self.model, role, side)}", 1.0
-                    )
-                leg = total
-            both = [
-                predict_hip_centres(*bony, regression=name, leg_length_r=leg, leg_length_l=leg)
-                for name in self.people.hip_regressions
-            ]
-            places = [(hips.right_ground if side == "r" else hips.left_ground)[0] for hips in both]
-            found.append(np.mean(places, axis=0) - along * self.hips[side])
-        return np.concatenate(found)
-
-
 def expect_hips(
     prior: GaussianPrior,
     model: body.BodyModel,
@@ -265,29 +222,52 @@ def expect_hips(
     if spines is None:
         sd, mean, skin = np.full(len(names), _MODEL_HIP_M), np.zeros(len(names)), np.zeros((len(names), 1))
     else:
-        legs = (
-            f"scale.{anatomy_lengths.find_segment(model, role, side)}"
+        legs = {
+            side: [f"scale.{anatomy_lengths.find_segment(model, role, side)}" for role in ("femur", "tibia")]
             for side in sides
-            for role in ("femur", "tibia")
+        }
+        names_of_sizes = (
+            f"scale.{pelvis}.x",
+            f"scale.{pelvis}.z",
+            *(n for own in legs.values() for n in own),
         )
-        sizes = tuple(n for n in (f"scale.{pelvis}.x", f"scale.{pelvis}.z", *legs) if n in prior.names)
-        hips = _HipRelation(
-            model=model,
-            people=people,
-            pelvis=pelvis,
-            spines=spines,
-            sides=sides,
-            expected=expected,
-            lengths=anatomy_lengths.measure_segment_lengths(model),
-            hips={side: anatomy_lengths.find_joint_ends(model, "hip", side)[pelvis] for side in sides},
-        )
+        sizes = tuple(n for n in names_of_sizes if n in prior.names)
+        lengths = anatomy_lengths.measure_segment_lengths(model)
+        hips = {side: anatomy_lengths.find_joint_ends(model, "hip", side)[pelvis] for side in sides}
+
+        def part_hips(sizes: abc.Mapping[str, float], front: float, back: float) -> Array:
+            """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
+
+            ``front``, ``back``: skin over ASIS and PSIS, m.
+            """
+            deep, wide = sizes[f"scale.{pelvis}.x"], sizes[f"scale.{pelvis}.z"]
+            along = np.array([deep, (deep + wide) / 2.0, wide])
+            skins = [-front if name.endswith("ASIS") else back for name in SPINES]
+            bony = [
+                along * spines[name] + [thick, 0.0, 0.0] for name, thick in zip(SPINES, skins, strict=True)
+            ]
+            found = []
+            for side in sides:
+                # From ASIS to ankle of a straight leg, m; without an ankle as of persons like this one
+                if f"shank_{side}" not in lengths:
+                    leg = expected.value(f"leg_length_{side}")
+                else:
+                    leg = abs(float(spines[f"{side.upper()}ASIS"][1] - hips[side][1]))
+                    for part, size in zip(("femur", "shank"), legs[side], strict=True):
+                        leg += lengths[f"{part}_{side}"] * sizes.get(size, 1.0)
+                both = [
+                    predict_hip_centres(*bony, regression=name, leg_length_r=leg, leg_length_l=leg)
+                    for name in people.hip_regressions
+                ]
+                places = [(hips.right_ground if side == "r" else hips.left_ground)[0] for hips in both]
+                found.append(np.mean(places, axis=0) - along * hips[side])
+            return np.concatenate(found)
+
         (front, front_sd), (back, back_sd) = people.skin_over_asis, people.skin_over_psis
         ones = dict.fromkeys(sizes, 1.0)
-        sd, here = np.tile(people.hip_sd, len(sides)), hips.evaluate(ones, front, back)
-        slopes = np.array(
-            [(hips.evaluate({**ones, n: 1.0 + _STEP}, front, back) - here) / _STEP for n in sizes]
-        )
-        thicker = (hips.evaluate(ones, front + _STEP, back), hips.evaluate(ones, front, back + _STEP))
+        sd, here = np.tile(people.hip_sd, len(sides)), part_hips(ones, front, back)
+        slopes = np.array([(part_hips({**ones, n: 1.0 + _STEP}, front, back) - here) / _STEP for n in sizes])
+        thicker = (part_hips(ones, front + _STEP, back), part_hips(ones, front, back + _STEP))
         skin = np.column_stack(
             [(t - here) / _STEP * s for t, s in zip(thicker, (front_sd, back_sd), strict=True)]
         )

@@ -22,7 +22,7 @@ from scaling_service.model.trial import Trial
 _MIDDLES: abc.Mapping[str, tuple[str, str]] = MappingProxyType(
     {"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")}
 )
-"""Joints whose centre is measured at the middle of two landmarks, on the model as on the person."""
+"""Joints whose centre is measured at the middle of two landmarks, lateral and medial, on model and person."""
 
 UNKNOWN_SIZES = anatomy_centres.BodySizes()
 """Nothing but markers."""
@@ -48,9 +48,6 @@ _MODEL_LANDMARK_SD_M = 0.008
 and OpenSim's gait2354 model, that of the malleoli 11, 17 and 31 mm above the ankle."""
 
 _SAME_M = 0.001  # chosen: far more than rounding
-
-_OPPOSITE = (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
-"""Joint, lateral landmark, and the medial one that lies as far on the other side of the centre."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -290,7 +287,7 @@ def with_virtual_landmarks(trial: Trial, centres: abc.Mapping[str, anatomy_centr
     seen_once = {_name(label) for label in trial.shown_labels}
     at = {name: position for name, position in at.items() if name in seen_once}
     added: dict[str, Array] = {}
-    for joint, lateral, medial in _OPPOSITE:
+    for joint, (lateral, medial) in _MIDDLES.items():
         for side in "rl":
             outer, inner = f"{side.upper()}{lateral}", f"{side.upper()}{medial}"
             centre = centres.get(f"{joint}_{side}")

@@ -71,10 +71,6 @@ def _mirror(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     return {"femur_r": flipped}, _stay
 
 
-def _exchange(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
-    return {"femur_r": bones["tibia_r"]}, _stay
-
-
 def _double(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     femur = bones["femur_r"]
     other = femur.copy()
@@ -94,7 +90,7 @@ def list_variants() -> abc.Mapping[str, tuple[Change, float | str, tuple[str, ..
         "no_head": (partial(_cut, share=0.33, top=True), LOOSE_MM, ("knee_centre",)),
         "no_condyles": (partial(_cut, share=0.33, top=False), LOOSE_MM, ("hip_centre",)),
         "other_side": (_mirror, MUST_REFUSE, ()),
-        "tibia_for_femur": (_exchange, MUST_REFUSE, ()),
+        "tibia_for_femur": (lambda bones, _up: ({"femur_r": bones["tibia_r"]}, _stay), MUST_REFUSE, ()),
         "two_femurs": (_double, MUST_REFUSE, ()),
     }
 

@@ -17,21 +17,20 @@ from scaling_service.studies.benchmark import parts as benchmark_parts
 from scaling_service.studies.benchmark.tasks._legs import write_subject
 
 SQUAT, WALK = "squats1", "walking1"
-MASS_KG = 62.6
+MASS_KG, HEAVIER = 62.6, 1.07
 TRUE_OF_THE_PERSON = "body_mass"
 """The plates carry 60.1 kg where 62.6 are declared: that is no false name."""
 
 Change = abc.Callable[[Path], None]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class Hidden:
     """What is hidden, how it is to be named, and its size: the unit's suffix, the value and the tolerance."""
 
     kind: str
-    where: frozenset[str]
+    where: set[str]
     change: Change
-    mass_factor: float = 1.0
     size: tuple[str, float, float] | None = None
 
 
@@ -121,75 +120,32 @@ def _lean(box: Path) -> None:
     _change_forces(lean, box)
 
 
-def _nothing(_box: Path) -> None:
-    """No change of files."""
-
-
 def _restick_thigh(trials: tuple[str, ...], offset_m: tuple[float, float, float], within_mm: float) -> Hidden:
     """A marker of the left thigh is stuck on elsewhere in some of the recordings."""
     ends = ("L_thigh1", "L_thigh2", "L_thigh4")
-    return Hidden(
-        kind="marker_offset",
-        where=frozenset({"L_thigh3"}),
-        change=partial(_change_markers, trials, partial(_stick, "L_thigh3", ends, offset_m)),
-        size=("_mm", round(1e3 * float(np.linalg.norm(offset_m)), 1), within_mm),
-    )
+    change = partial(_change_markers, trials, partial(_stick, "L_thigh3", ends, offset_m))
+    size = ("_mm", round(1e3 * float(np.linalg.norm(offset_m)), 1), within_mm)
+    return Hidden("marker_offset", {"L_thigh3"}, change, size)
 
 
 def list_hidden() -> abc.Mapping[str, Hidden | None]:
     """What is hidden in the recordings, by name; nothing in the first."""
+    swapped, both = ("r_sh2", "r_shank_antsup"), (SQUAT, WALK)
+    swap = partial(_change_markers, (SQUAT,), partial(_exchange, *swapped))
+    grow = partial(_change_markers, both, lambda trial: 1.05 * trial.markers)
+    gain, shift, delay, bias = (partial(_change_forces, f) for f in (_gain, _shift, _delay, _add_bias))
     return {
         "ordinary": None,
-        "swap": Hidden(
-            kind="marker_swap",
-            where=frozenset({"r_sh2", "r_shank_antsup"}),
-            change=partial(_change_markers, (SQUAT,), partial(_exchange, "r_sh2", "r_shank_antsup")),
-        ),
+        "swap": Hidden("marker_swap", {*swapped}, swap),
         "moved": _restick_thigh((WALK,), (0.025, 0.015, 0.0), 8.0),
-        "mass": Hidden(
-            kind="body_mass",
-            where=frozenset({"world"}),
-            change=_nothing,
-            mass_factor=1.07,
-            size=("factor", 0.960 / 1.07, 0.015),
-        ),
-        "gain": Hidden(
-            kind="plate_gain",
-            where=frozenset({"plate_2"}),
-            change=partial(_change_forces, _gain),
-            size=("factor", 1.10, 0.03),
-        ),
-        "plate": Hidden(
-            kind="plate_position",
-            where=frozenset({"plate_1"}),
-            change=partial(_change_forces, _shift),
-            size=("_mm", 40.0, 12.0),
-        ),
-        "late": Hidden(
-            kind="force_delay",
-            where=frozenset({"forces"}),
-            change=partial(_change_forces, _delay),
-            size=("_s", 0.040, 0.010),
-        ),
-        "bias": Hidden(
-            kind="plate_bias",
-            where=frozenset({"plate_1"}),
-            change=partial(_change_forces, _add_bias),
-            size=("_N", 60.0, 15.0),
-        ),
-        "lean": Hidden(
-            kind="gravity_tilt",
-            where=frozenset({"world"}),
-            change=_lean,
-            size=("_deg", 3.0, 1.0),
-        ),
-        "moved_always": _restick_thigh((SQUAT, WALK), (0.030, 0.025, 0.0), 10.0),
-        "volume": Hidden(
-            kind="capture_scale",
-            where=frozenset({"markers"}),
-            change=partial(_change_markers, (SQUAT, WALK), lambda trial: 1.05 * trial.markers),
-            size=("factor", 1.05, 0.015),
-        ),
+        "mass": Hidden("body_mass", {"world"}, lambda _box: None, ("factor", 0.960 / HEAVIER, 0.015)),
+        "gain": Hidden("plate_gain", {"plate_2"}, gain, ("factor", 1.10, 0.03)),
+        "plate": Hidden("plate_position", {"plate_1"}, shift, ("_mm", 40.0, 12.0)),
+        "late": Hidden("force_delay", {"forces"}, delay, ("_s", 0.040, 0.010)),
+        "bias": Hidden("plate_bias", {"plate_1"}, bias, ("_N", 60.0, 15.0)),
+        "lean": Hidden("gravity_tilt", {"world"}, _lean, ("_deg", 3.0, 1.0)),
+        "moved_always": _restick_thigh(both, (0.030, 0.025, 0.0), 10.0),
+        "volume": Hidden("capture_scale", {"markers"}, grow, ("factor", 1.05, 0.015)),
     }
 
 
@@ -205,9 +161,9 @@ def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[benchmark_p
         shutil.copyfile(data / "opencap_squat" / "manually_scaled.osim", box / "model.osim")
         if hidden is not None:
             hidden.change(box)
-        factor = 1.0 if hidden is None else hidden.mass_factor
+        mass = MASS_KG * (HEAVIER if name == "mass" else 1.0)
         document = {
-            "subject": {"id": "squat", "sex": "F", "height_m": 1.68, "mass_kg": MASS_KG * factor},
+            "subject": {"id": "squat", "sex": "F", "height_m": 1.68, "mass_kg": mass},
             "model": "model.osim",
             "trials": {"calibration": [f"{SQUAT}.trc"], "evaluation": [f"{WALK}.trc"]},
             "forces": {f"{t}.trc": f"{t}_grf.mot" for t in (SQUAT, WALK)},

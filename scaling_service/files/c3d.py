@@ -100,12 +100,10 @@ def read_c3d(path: str | os.PathLike[str]) -> recording.Recording:
     if results:
         shown = ", ".join(results[:8]) + (", …" if len(results) > 8 else "")
         detail = f"{len(results)} points that are results were left out: {shown}"
-        repairs.append(trial.Repair(what="computed_points", where="POINT", detail=detail))
+        repairs.append(trial.Repair("computed_points", "POINT", detail))
     if nameless := len(others) - len(kept):
         repairs.append(
-            trial.Repair(
-                what="unlabelled", where="POINT", detail=f"{nameless} points without a label were left out"
-            )
+            trial.Repair("unlabelled", "POINT", f"{nameless} points without a label were left out")
         )
     unlabelled = [k for k in others if content.labels[k] and k not in kept]
     labels = tuple(content.labels[k] for k in kept)
@@ -211,7 +209,7 @@ def _read_rotations(
     if fitting and fitting[0] != scale:
         unit = "mm" if fitting[0] == tables.METRES["mm"] else "m"
         said = f"segment origins are in {unit}, by a thigh's length"
-        notes.append(trial.Repair(what="unit", where="ROTATION", detail=said))
+        notes.append(trial.Repair("unit", "ROTATION", said))
         scale = fitting[0]
     whole = np.where(seen[..., None, None], turns, np.nan)
     placed = np.where(seen[..., None], scale * origins, np.nan) if fitting else None
@@ -230,7 +228,7 @@ def _find_unit(content: c3d_file.C3dFile) -> tuple[float, tuple[trial.Repair, ..
             remedy="Give positions in mm or m",
         )
     said = "no unit is stated; mm was taken, as is usual in C3D files"
-    return tables.METRES["mm"], (trial.Repair(what="unit", where="POINT:UNITS", detail=said),)
+    return tables.METRES["mm"], (trial.Repair("unit", "POINT:UNITS", said),)
 
 
 def read_c3d_plates(content: c3d_file.C3dFile) -> forces.PlateRecording:
@@ -325,7 +323,7 @@ class _Plate:
         if assumed:
             stated = ", ".join(sorted(assumed))
             detail = f"the file states {stated}; N and N times the unit of points were taken"
-            self._repairs.append(trial.Repair(what="unit", where=self._name, detail=detail))
+            self._repairs.append(trial.Repair("unit", self._name, detail))
         return np.array(factors)
 
     def _without_baseline(self, signals: Array) -> Array:
@@ -343,10 +341,10 @@ class _Plate:
             detail = (
                 f"frames {first} to {last} are named as baseline but the plate is loaded in them; not used"
             )
-            self._repairs.append(trial.Repair(what="baseline_refused", where=self._name, detail=detail))
+            self._repairs.append(trial.Repair("baseline_refused", self._name, detail))
             return signals
         detail = f"the mean of frames {first} to {last} was taken off"
-        self._repairs.append(trial.Repair(what="baseline", where=self._name, detail=detail))
+        self._repairs.append(trial.Repair("baseline", self._name, detail))
         mean = np.nanmean(signals[rows], axis=0)
         if self._kind == 1:
             mean[3:5] = 0.0  # a position has no offset

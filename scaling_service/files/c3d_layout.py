@@ -163,7 +163,7 @@ def find_layout(facts: c3d_parameters.Facts, length: int) -> tuple[Layout, tuple
         forms = ("whole numbers", "real numbers")
         said, have = (forms[w.value], forms[taken]) if w.of == "real" else (w.value, taken)
         detail = f"{words.get(w.of, 'form')}: it says {said}; the rest of the file shows {have}"
-        notes.append(Repair(what="header", where=w.where, detail=detail))
+        notes.append(Repair("header", w.where, detail))
     return best[2], tuple(notes)
 
 
@@ -248,5 +248,5 @@ def find_rate(facts: c3d_parameters.Facts, layout: Layout) -> tuple[float, tuple
                 f"it says {value * layout.per_frame:g} Hz, the file holds {layout.per_frame} samples a frame"
             )
         detail = f"{said}; {rate:g} Hz was taken for the frames"
-        notes.append(Repair(what="rate", where=where, detail=detail))
+        notes.append(Repair("rate", where, detail))
     return rate, tuple(notes)

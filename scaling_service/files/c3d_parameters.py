@@ -97,7 +97,7 @@ def read_facts(content: bytes) -> Facts:
         blocks = content[begin + 2]
         end = min(len(content), begin + BLOCK * blocks) if blocks else len(content)
         parameters, broken = _read_parameters(content, begin + 4, end, processor)
-        notes = [Repair(what="header", where="parameters", detail=detail) for detail in broken]
+        notes = [Repair("header", "parameters", detail) for detail in broken]
         facts = Facts(
             processor=processor,
             points=words[2],
@@ -124,7 +124,7 @@ def read_facts(content: bytes) -> Facts:
     if processor.code == stated:
         return facts
     said = f"type {stated} is stated; its numbers are those of {processor.name} ({processor.code})"
-    note = Repair(what="header", where="processor type", detail=said)
+    note = Repair("header", "processor type", said)
     return dataclasses.replace(facts, repairs=(*facts.repairs, note))
 
 

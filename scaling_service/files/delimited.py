@@ -98,7 +98,7 @@ def read_delimited(path: str | os.PathLike[str]) -> Recording:
     notes: list[trial.Repair] = []
     if dropped := len(layout.columns) - len(keys):
         detail = f"{dropped} markers without a label were left out"
-        notes.append(trial.Repair(what="unlabelled", where="columns", detail=detail))
+        notes.append(trial.Repair("unlabelled", "columns", detail))
     metres, of_unit = _find_unit(layout.unit, positions)
     if layout.time is not None:
         times = _read_numbers(body, [layout.time])[:, 0] / layout.per_second
@@ -161,9 +161,7 @@ def _find_unit(unit: str, positions: Array) -> tuple[float, tuple[trial.Repair, 
         if _EXTENTS_M[0] <= extent * tables.METRES[name] <= _EXTENTS_M[1]:
             detail = f"no unit is stated; {name} was taken, in which the markers span "
             detail += f"{extent * tables.METRES[name]:.2f} m"
-            return tables.METRES[name], (
-                trial.Repair(what="unit", where=f"{name} (not stated)", detail=detail),
-            )
+            return tables.METRES[name], (trial.Repair("unit", f"{name} (not stated)", detail),)
     raise errors.FileUnreadable(
         f"no unit is stated, and in none do the markers span a person (they span {extent:.3g})",
         field="unit",

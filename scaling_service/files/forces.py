@@ -113,16 +113,12 @@ def _read_plate(
     force, point = (
         np.stack([table.column(c) for c in columns], axis=1) for columns in (plate.force, plate.point)
     )
-    repairs.append(Repair(what="plate_columns", where=name, detail=f"columns {plate.identifier}x, …"))
+    repairs.append(Repair("plate_columns", name, f"columns {plate.identifier}x, …"))
     if plate.moment:
         moment = np.stack([table.column(c) for c in plate.moment], axis=1)
     else:
         moment = np.zeros_like(force)
-        repairs.append(
-            Repair(
-                what="no_moment", where=name, detail="the file holds no moment at the point; zero was taken"
-            )
-        )
+        repairs.append(Repair("no_moment", name, "the file holds no moment at the point; zero was taken"))
     loaded = np.asarray(np.abs(force[:, 1]) > forces.CONTACT_N)  # of the ground on the body, or the reverse
     # Points that stay near the places where the plate is loaded; any point will do for no force.
     seen = point[loaded]
@@ -146,7 +142,7 @@ def _read_plate(
         detail = (
             "the point of application of a force below the threshold was far off; drawn back to the plate"
         )
-        repairs.append(Repair(what="point_astray", where=name, detail=detail, frames=counted))
+        repairs.append(Repair("point_astray", name, detail, frames=counted))
     point = result
     surface = np.nanmedian(point[loaded], axis=0) if loaded.any() else np.zeros(3)
     return force, moment + np.cross(point, force), surface

@@ -105,12 +105,12 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     if degrees is None:
         said = "is absent" if stated is None else f"says '{stated[:20]}'"
         detail = f"{said}: whether rotations are in degrees is ambiguous"
-        notes = [Repair(what="in_degrees", where="inDegrees", detail=detail)]
+        notes = [Repair("in_degrees", "inDegrees", detail)]
     for key, found in zip(("nRows", "nColumns"), data.shape, strict=True):
         count = look_up(header, key.lower())
         if count is not None and count != str(found):
             detail = f"the header says {count[:20]}, the file holds {found}"
-            notes.append(Repair(what="header", where=key, detail=detail))
+            notes.append(Repair("header", key, detail))
     return Table(
         name=file.stem,
         columns=columns,

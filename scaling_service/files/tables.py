@@ -89,11 +89,7 @@ def read_text(path: Path, kind: str) -> tuple[str, tuple[trial.Repair, ...]]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-        repairs = (
-            trial.Repair(
-                what="encoding", where="file", detail="bytes that are not UTF-8 were read as Latin-1"
-            ),
-        )
+        repairs = (trial.Repair("encoding", "file", "bytes that are not UTF-8 were read as Latin-1"),)
     return text.replace("\r\n", "\n").replace("\r", "\n"), repairs
 
 
@@ -133,7 +129,7 @@ def parse_rows(
     tally["infinite"] = int(infinite.any(axis=1).sum())
     data[infinite] = np.nan
     return data, tuple(
-        trial.Repair(what=kind, where="rows", detail=detail, frames=tally[need])
+        trial.Repair(kind, "rows", detail, frames=tally[need])
         for need, (kind, detail) in _REPAIRS.items()
         if tally[need]
     )
@@ -213,16 +209,11 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
     if len(split_cells(kept)) < 2 or "\t" not in kept:
         return lines[:-1], (
             trial.Repair(
-                what="cut_row",
-                where=f"line {number}",
-                detail="the file breaks off here; the row was dropped",
-                frames=1,
+                "cut_row", f"line {number}", "the file breaks off here; the row was dropped", frames=1
             ),
         )
     detail = "the file breaks off here; the last number was not used"
-    return [*lines[:-1], (number, kept)], (
-        trial.Repair(what="cut_row", where=f"line {number}", detail=detail, frames=1),
-    )
+    return [*lines[:-1], (number, kept)], (trial.Repair("cut_row", f"line {number}", detail, frames=1),)
 
 
 def separate_duplicates(
@@ -250,7 +241,7 @@ def separate_duplicates(
             f"{len(others) + 1} points have this name; called {', '.join(names[k] for k in others)} from "
         )
         detail += f"the second on{shown}"
-        repairs.append(trial.Repair(what="duplicate", where=label, detail=detail))
+        repairs.append(trial.Repair("duplicate", label, detail))
     return tuple(names), tuple(repairs)
 
 

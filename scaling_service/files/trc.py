@@ -63,7 +63,7 @@ def read_trc(path: str | os.PathLike[str]) -> recording.Recording:
     positions, lost = tables.clean_positions(positions, labels)
     labels, twice = tables.separate_duplicates(labels, positions)
     counts = [
-        Repair(what="header", where=field, detail=f"the header says {stated}, the file holds {found}")
+        Repair("header", field, f"the header says {stated}, the file holds {found}")
         for field, stated, found in (
             ("NumFrames", header.stated_frames, len(data)),
             ("NumMarkers", header.stated_markers, len(header.columns)),
@@ -147,18 +147,12 @@ def _read_unit(stated: dict[str, str], values: list[str]) -> tuple[str, tuple[Re
         return unit, ()
     elsewhere = [value.lower() for value in values if value.lower() in tables.METRES]
     if elsewhere:
-        return elsewhere[0], (
-            Repair(what="header", where="Units", detail=f"unit {elsewhere[0]} found out of its column"),
-        )
+        return elsewhere[0], (Repair("header", "Units", f"unit {elsewhere[0]} found out of its column"),)
     if unit and not re.fullmatch(r"[-+.\d]+", unit):
         raise errors.FileUnreadable(
             f"unit '{unit[:20]}' is not known", field="Units", remedy="Give the positions in mm or m"
         )
-    return "mm", (
-        Repair(
-            what="unit", where="Units", detail="no unit is stated; mm was taken, as is usual in TRC files"
-        ),
-    )
+    return "mm", (Repair("unit", "Units", "no unit is stated; mm was taken, as is usual in TRC files"),)
 
 
 def _read_labels(line: str) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
@@ -178,18 +172,10 @@ def _read_labels(line: str) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
     repairs = []
     if not spread and len(found) > 1:
         repairs.append(
-            Repair(
-                what="label_layout",
-                where="Frame#",
-                detail="labels do not stand over every third column; taken in order",
-            )
+            Repair("label_layout", "Frame#", "labels do not stand over every third column; taken in order")
         )
     if unnamed := columns.count(""):
-        repairs.append(
-            Repair(
-                what="unlabelled", where="Frame#", detail=f"{unnamed} markers without a label were dropped"
-            )
-        )
+        repairs.append(Repair("unlabelled", "Frame#", f"{unnamed} markers without a label were dropped"))
     return tuple(columns), tuple(repairs)
 
 
@@ -205,21 +191,13 @@ def _skip_axes(lines: list[tables.Line], start: int) -> tuple[int, tuple[Repair,
     if axes and all(_AXIS.match(cell) for cell in axes):
         if axes[0].lower() not in ("x1", "x"):
             repairs.append(
-                Repair(
-                    what="header",
-                    where=f"line {k + 1}",
-                    detail=f"coordinates are numbered from {axes[0]}, not from X1",
-                )
+                Repair("header", f"line {k + 1}", f"coordinates are numbered from {axes[0]}, not from X1")
             )
         k += 1
     else:
-        repairs.append(
-            Repair(what="header", where=f"line {start + 1}", detail="the line X1 Y1 Z1 … is missing")
-        )
+        repairs.append(Repair("header", f"line {start + 1}", "the line X1 Y1 Z1 … is missing"))
     if k < len(lines) and lines[k][1].strip():
-        repairs.append(
-            Repair(what="header", where=f"line {k + 1}", detail="the blank line after the header is missing")
-        )
+        repairs.append(Repair("header", f"line {k + 1}", "the blank line after the header is missing"))
     return k, tuple(repairs)
 
 
@@ -259,17 +237,10 @@ def restore_clock(
             if not np.isfinite(stated_hz)
             else f"stated {stated_hz:g} Hz contradicts the times"
         )
-        repairs.append(
-            Repair(what="rate", where="DataRate", detail=f"{note}; {rate:g} Hz was taken from them")
-        )
+        repairs.append(Repair("rate", "DataRate", f"{note}; {rate:g} Hz was taken from them"))
     if frame is None:
         repairs.append(
-            Repair(
-                what="clock",
-                where="Time",
-                detail="frames are unevenly spaced in time; kept as they are",
-                frames=len(times),
-            )
+            Repair("clock", "Time", "frames are unevenly spaced in time; kept as they are", frames=len(times))
         )
         return times, positions, rate, tuple(repairs)
     start = float(np.median(times - frame / rate))
@@ -278,14 +249,14 @@ def restore_clock(
         detail = (
             f"times are rounded; the regular clock of {rate:g} Hz was restored ({1e3 * shift:.2f} ms at most)"
         )
-        repairs.append(Repair(what="clock", where="Time", detail=detail, frames=len(times)))
+        repairs.append(Repair("clock", "Time", detail, frames=len(times)))
     whole = np.arange(frame[-1] + 1)
     if absent := len(whole) - len(frame):
         repairs.append(
             Repair(
-                what="absent_frames",
-                where="Time",
-                detail="frames left out of the file were put back as not seen",
+                "absent_frames",
+                "Time",
+                "frames left out of the file were put back as not seen",
                 frames=absent,
             )
         )
@@ -303,12 +274,12 @@ def _take_seconds(times: Array, stated_hz: float) -> tuple[Array, tuple[Repair, 
         if np.median(np.diff(times)) < SLOWEST_STEP_S:
             return times, ()
         detail = f"no rate is stated; steps of {np.median(np.diff(times)):g} were taken as milliseconds"
-        return times / 1e3, (Repair(what="clock", where="Time", detail=detail, frames=len(times)),)
+        return times / 1e3, (Repair("clock", "Time", detail, frames=len(times)),)
     if _number_frames(times, stated_hz) is None:
         for unit, second in (("milliseconds", 1e3), ("frames", stated_hz)):
             if _number_frames(times / second, stated_hz) is not None:
                 detail = f"at {stated_hz:g} Hz these times count {unit}; they were turned into seconds"
-                return times / second, (Repair(what="clock", where="Time", detail=detail, frames=len(times)),)
+                return times / second, (Repair("clock", "Time", detail, frames=len(times)),)
     return times, ()
 
 

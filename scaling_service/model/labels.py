@@ -84,10 +84,9 @@ def with_model_names(
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
     kept = trial.select([label for label in trial.labels if label not in shadowed])
-    notes = [Repair(what="label", where=path.name, detail=note) for note in found.notes]
+    notes = [Repair("label", path.name, note) for note in found.notes]
     notes += [
-        Repair(what="label", where=label, detail=f"'{label}' was left out: the marker is another label")
-        for label in shadowed
+        Repair("label", label, f"'{label}' was left out: the marker is another label") for label in shadowed
     ]
     renamed = kept.relabel(found.renames)
     return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped

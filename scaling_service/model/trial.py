@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import abc
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ def is_unlabelled(label: str) -> bool:
     return bool(_UNLABELLED.match(label.rpartition(":")[2].strip()))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Repair:
     """One thing that was changed or decided while reading or processing a recording.
 
@@ -96,6 +96,7 @@ class Repair:
     what: str
     where: str
     detail: str
+    _: KW_ONLY
     frames: int = 0
     off: float = 0.0  # RMS of what was wrong in these frames, SI, where that can be told
 
@@ -124,11 +125,7 @@ class GaitEvent:
 def repair_each(flags: NDArray[np.bool_], labels: abc.Sequence[str], what: str, detail: str) -> list[Repair]:
     """One repair for each label that was concerned in any frame: ``flags`` is (n_frames, n_labels)."""
     counts = flags.sum(axis=0).tolist()
-    return [
-        Repair(what=what, where=label, detail=detail, frames=n)
-        for label, n in zip(labels, counts, strict=True)
-        if n
-    ]
+    return [Repair(what, label, detail, frames=n) for label, n in zip(labels, counts, strict=True) if n]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -208,7 +205,7 @@ class Trial:
         """Trajectory of one label, shape (n_frames, 3), m."""
         return self.markers[:, self.index(label)]
 
-    def with_markers(self, markers: Array, *repairs: Repair) -> Trial:
+    def with_markers(self, markers: Array, *repairs: Repair) -> Self:
         """The same clock and labels with other positions, and what was done noted."""
         return replace(self, markers=markers, repairs=self.repairs + repairs)
 

@@ -304,9 +304,9 @@ def relabel(trial: _Kind, corrections: abc.Iterable[Relabelling]) -> _Kind:
                 markers[seen, labels.index(right)] = trial.markers[seen, wrong]
         span = f"from {item.start_s:.2f} to {item.end_s:.2f} s, as the subject file says"
         made = Repair(
-            what="labels_exchanged" if set(item.labels) == set(item.labels.values()) else "labels_changed",
-            where=", ".join(item.labels),
-            detail=f"{describe_relabelling(item)} {span}",
+            "labels_exchanged" if set(item.labels) == set(item.labels.values()) else "labels_changed",
+            ", ".join(item.labels),
+            f"{describe_relabelling(item)} {span}",
             frames=int(inside.sum()),
         )
         trial = dataclasses.replace(trial, labels=labels, markers=markers, repairs=(*trial.repairs, made))

@@ -135,9 +135,7 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
         hidden[:, [one, other]] |= merged[:, None]
         where = f"{trial.labels[one]}{PAIR}{trial.labels[other]}"
         detail = "seen as one point, both taken as not seen there"
-        repairs.append(
-            Repair(what="merged", where=where, detail=detail, frames=int(merged.sum()), off=usual / 2)
-        )
+        repairs.append(Repair("merged", where, detail, frames=int(merged.sum()), off=usual / 2))
     if not repairs:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
@@ -172,9 +170,7 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     for k, rms in size.items():
         markers[poor[:, k], k] = np.nan
         detail = f"jumps about by some {1e3 * rms:.0f} mm, taken as not seen there"
-        repairs.append(
-            Repair(what="jitter", where=trial.labels[k], detail=detail, frames=int(poor[:, k].sum()), off=rms)
-        )
+        repairs.append(Repair("jitter", trial.labels[k], detail, frames=int(poor[:, k].sum()), off=rms))
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
@@ -226,13 +222,7 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
         return trial
     size = float(acceleration[k]) / (2.0 * np.pi * hertz[k]) ** 2
     detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm: the cameras or the floor shake"
-    note = Repair(
-        what="shaking",
-        where="all markers",
-        detail=detail,
-        frames=trial.n_frames,
-        off=float(size / np.sqrt(2.0)),
-    )
+    note = Repair("shaking", "all markers", detail, frames=trial.n_frames, off=float(size / np.sqrt(2.0)))
     return replace(trial, repairs=(*trial.repairs, note))
 
 
@@ -273,7 +263,7 @@ def note_uneven(trial: _AnyTrial) -> _AnyTrial:
         return trial
     off = float(np.sqrt(np.square(more[at]).mean()))
     detail = f"go on by {1e3 * off:.0f} mm at once: pictures are missing or came twice, or a camera was moved"
-    note = Repair(what="uneven", where="all markers", detail=detail, frames=int(at.sum()), off=off)
+    note = Repair("uneven", "all markers", detail, frames=int(at.sum()), off=off)
     return replace(trial, repairs=(*trial.repairs, note))
 
 
@@ -307,9 +297,7 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
         size, rms = np.abs(off).max(axis=1), np.sqrt(np.square(off).mean(axis=0))
         detail = f"jumps by up to {size.max():.0f} N for a sample or two, interpolated"
         where = f"{plate} f{'xyz'[int(rms.argmax())]}"
-        repairs.append(
-            Repair(what="spikes", where=where, detail=detail, frames=int(bad.sum()), off=float(rms.max()))
-        )
+        repairs.append(Repair("spikes", where, detail, frames=int(bad.sum()), off=float(rms.max())))
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
 
 
@@ -330,9 +318,9 @@ def note_dead_channels(forces: GroundForces) -> GroundForces:
     return forces.change(
         *(
             Repair(
-                what="dead_channel",
-                where=f"{forces.plates[k]} f{'xyz'[axis]}",
-                detail=detail,
+                "dead_channel",
+                f"{forces.plates[k]} f{'xyz'[axis]}",
+                detail,
                 frames=int(loaded[:, k].sum()),
                 off=float(usual[axis] * load[k]),
             )
@@ -359,7 +347,7 @@ def leave_out_saturated(forces: GroundForces) -> GroundForces:
         force[at, k], moment[at, k] = np.nan, np.nan
         detail = f"stands at {limit:.0f} N, its limit: what it bears there is not known"
         where = f"{forces.plates[k]} fy"
-        repairs.append(Repair(what="saturated", where=where, detail=detail, frames=int(at.sum())))
+        repairs.append(Repair("saturated", where, detail, frames=int(at.sum())))
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
 
 

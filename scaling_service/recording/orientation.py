@@ -142,8 +142,8 @@ def decide(
     if keeps:
         heading = f"the laboratory's heading is kept: x is its {forward_name}"
     said = (
-        Repair(what="up_axis", where=trial.name, detail=f"up is {up_name} of the laboratory ({why_up})"),
-        Repair(what="forward_axis", where=trial.name, detail=heading),
+        Repair("up_axis", trial.name, f"up is {up_name} of the laboratory ({why_up})"),
+        Repair("forward_axis", trial.name, heading),
     )
     return Orientation(rotation, (*said, *unit_repairs), clarity)
 

@@ -81,7 +81,7 @@ def mend(trial: _Kind, corrections: abc.Iterable[Relabelling], mirrored: str | N
         markers = trial.markers.copy()
         markers[..., "xyz".index(mirrored)] *= -1.0
         detail = f"positions mirrored along {mirrored}, as the subject file says"
-        made = Repair(what="mirrored", where=trial.name, detail=detail, frames=trial.n_frames)
+        made = Repair("mirrored", trial.name, detail, frames=trial.n_frames)
         trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
     return exchanged.relabel(trial, corrections)
 

@@ -49,9 +49,7 @@ def clean(trial: Trial, clusters: Mapping[str, tuple[str, ...]], settings: Proce
     cutoff_hz = settings.cutoff_hz
     if settings.smoothing == "automatic" and trial.rate_hz < LEAST_RATE * cutoff_hz:
         slow = f"{trial.rate_hz:.4g} frames per second are too few for a low pass of {cutoff_hz:g} Hz"
-        told = Repair(
-            what="not_smoothed", where=trial.name, detail=f"not smoothed: {slow}", frames=trial.n_frames
-        )
+        told = Repair("not_smoothed", trial.name, f"not smoothed: {slow}", frames=trial.n_frames)
         trial = trial.with_markers(trial.markers, told)
     elif settings.smoothing != "none":
         trial = smooth(trial, cutoff_hz)
@@ -80,7 +78,7 @@ def smooth(trial: Trial, cutoff_hz: float) -> Trial:
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
     return trial.with_markers(
         result.values,
-        Repair(what="smoothing", where=trial.name, detail=detail, frames=trial.n_frames),
+        Repair("smoothing", trial.name, detail, frames=trial.n_frames),
         *short,
     )
 
@@ -113,9 +111,7 @@ def fill(
                 filled[new, part.column] = part.positions[new]
                 left[new, part.column] = False
                 where, frames = trial.labels[part.column], int(new.sum())
-                solidified.append(
-                    Repair(what="gap_solidification", where=where, detail=part.detail, frames=frames)
-                )
+                solidified.append(Repair("gap_solidification", where, part.detail, frames=frames))
     spline = f"gaps of at most {longest} frames interpolated by a C2 spline"
     return trial.with_markers(
         filled,

@@ -52,9 +52,9 @@ def compute_ground_forces(recording: PlateRecording | errors.TrialUnusable) -> G
                 inside = _share_inside(force, moment, size)
                 repairs.append(
                     trial.Repair(
-                        what="plate_origin",
-                        where=name,
-                        detail="ORIGIN was taken with the opposite sign: else pressure is off the plate",
+                        "plate_origin",
+                        name,
+                        "ORIGIN was taken with the opposite sign: else pressure is off the plate",
                     )
                 )
         if inside < MOSTLY:
@@ -152,9 +152,7 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
                 remedy="List them as C3D asks: of the plate's quadrants +x+y, -x+y, -x-y, +x-y, z downwards",
             )
     if loads.sum() < 0:
-        note = trial.Repair(
-            what="force_sign", where=forces.name, detail="forces pull the body down; they were turned round"
-        )
+        note = trial.Repair("force_sign", forces.name, "forces pull the body down; they were turned round")
         return turned.change(note, force=-force, moment=-moment)
     return turned
 
@@ -201,10 +199,7 @@ def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | No
     if outside:
         repairs.append(
             trial.Repair(
-                what="not_recorded",
-                where=forces.name,
-                detail="no forces at these frames of the markers",
-                frames=outside,
+                "not_recorded", forces.name, "no forces at these frames of the markers", frames=outside
             )
         )
     force, moment, read = sampled[..., :3], sampled[..., 3:6], sampled[..., 6]
@@ -224,14 +219,7 @@ def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Ar
     return (
         regular,
         flat,
-        [
-            trial.Repair(
-                what="clock",
-                where=name,
-                detail="times are irregular; interpolated onto a regular clock",
-                frames=n,
-            )
-        ],
+        [trial.Repair("clock", name, "times are irregular; interpolated onto a regular clock", frames=n)],
     )
 
 
@@ -249,7 +237,7 @@ def _filter(
     whole = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
     result = filters.filter_butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
     detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
-    notes = [trial.Repair(what="smoothing", where=forces.name, detail=detail, frames=len(times))]
+    notes = [trial.Repair("smoothing", forces.name, detail, frames=len(times))]
     brief = "known too briefly between gaps to be filtered"
     return result.values, notes + trial.repair_each(
         np.any(result.unfiltered, axis=2), forces.plates, "not_smoothed", brief

@@ -171,7 +171,7 @@ def _find_turned(forces: GroundForces, feet: abc.Mapping[str, Array], on_floor: 
                 f"with the plate turned by {90 * best} deg: look at the order of its corners"
             )
             frames = int(lone[:, k].sum())
-            notes.append(Repair(what="turned_plate", where=plate, detail=detail, frames=frames))
+            notes.append(Repair("turned_plate", plate, detail, frames=frames))
     return notes
 
 
@@ -221,7 +221,7 @@ def _find_resting(feet: abc.Sequence[Array], times: Array, name: str) -> tuple[M
         belt = np.zeros(2)
     else:
         detail = f"the floor moves at {np.linalg.norm(belt):.2f} m/s, as on a treadmill"
-        notes.append(Repair(what="belt", where=name, detail=detail))
+        notes.append(Repair("belt", name, detail))
     resting = []
     for height, velocity in zip(heights, velocities, strict=True):
         speed = np.linalg.norm(velocity - belt, axis=2)
@@ -251,20 +251,20 @@ def _describe_contact(
     """What to say about one contact."""
     span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
     if chosen == NOBODY:
-        return [Repair(what="no_foot", where=plate, detail=f"loaded {span}, but no foot is near", frames=n)]
-    notes = [Repair(what="plate_foot", where=plate, detail=f"bears {names[chosen]} {span}", frames=n)]
+        return [Repair("no_foot", plate, f"loaded {span}, but no foot is near", frames=n)]
+    notes = [Repair("plate_foot", plate, f"bears {names[chosen]} {span}", frames=n)]
     off = _take_median(away[chosen])
     if off >= REACH_M:
         detail = (
             f"pressure lies {100 * off:.0f} cm off {names[chosen]}, the only foot that stands free {span}"
         )
-        notes.append(Repair(what="pressure_astray", where=plate, detail=detail, frames=n))
+        notes.append(Repair("pressure_astray", plate, detail, frames=n))
     swinging = ~on_floor[:, chosen]
     if swinging.mean() > TOLERATED:
         detail = (
             f"bears {names[chosen]} {span}, but the markers show it in swing in {swinging.mean():.0%} of it"
         )
-        notes.append(Repair(what="in_swing", where=plate, detail=detail, frames=int(swinging.sum())))
+        notes.append(Repair("in_swing", plate, detail, frames=int(swinging.sum())))
     return notes
 
 
@@ -283,7 +283,7 @@ def _find_two_feet(foot: NDArray[np.intp], away: Array, on_floor: Mask, forces: 
             detail = (
                 "bears two feet at once: pressure lies between them, so their forces cannot be told apart"
             )
-            notes.append(Repair(what="two_feet", where=plate, detail=detail, frames=int(shared.sum())))
+            notes.append(Repair("two_feet", plate, detail, frames=int(shared.sum())))
     return notes
 
 
@@ -293,12 +293,7 @@ def _find_two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Rep
         count = int(((foot == k).sum(axis=1) > 1).sum())
         if count:
             notes.append(
-                Repair(
-                    what="two_plates",
-                    where=name,
-                    detail="stands on two plates at once; both loads count",
-                    frames=count,
-                )
+                Repair("two_plates", name, "stands on two plates at once; both loads count", frames=count)
             )
     return notes
 
@@ -338,7 +333,7 @@ def _find_over_edge(
                 f"reaches {1e3 * reach[start:stop].max():.0f} mm beyond the edge of {on} from "
                 f"{forces.times[start]:.2f} to {forces.times[stop - 1]:.2f} s: the floor bears a part of it"
             )
-            notes.append(Repair(what="over_edge", where=name, detail=detail, frames=stop - start))
+            notes.append(Repair("over_edge", name, detail, frames=stop - start))
     return found, notes
 
 
@@ -358,6 +353,6 @@ def _find_supported(
             lasting[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
         if lasting[:, k].any():
             detail = "stands beside the plates; dynamics cannot be told in these frames"
-            notes.append(Repair(what="no_plate", where=name, detail=detail, frames=int(lasting[:, k].sum())))
+            notes.append(Repair("no_plate", name, detail, frames=int(lasting[:, k].sum())))
     stray = (loaded & (foot == NOBODY)).any(axis=1)
     return known & ~stray & ~lasting.any(axis=1), notes

@@ -71,7 +71,7 @@ def find_unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
                 f"the body would measure {extent:.3g} m; positions said to be in {stated} are in {true}, "
                 f"so they were multiplied by {factor:g}"
             )
-            return factor, (Repair(what="unit", where=trial.name, detail=detail, frames=trial.n_frames),)
+            return factor, (Repair("unit", trial.name, detail, frames=trial.n_frames),)
     if extent == 0 or len(trial.labels) < 2:
         return 1.0, ()
     raise TrialUnusable(

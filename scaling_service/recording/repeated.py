@@ -64,7 +64,7 @@ def choose_repeated(trials: Sequence[_Kind]) -> list[_Kind]:
                 trial = replace(
                     trial,
                     labels=tuple(exchanged.get(label, label) for label in trial.labels),
-                    repairs=(*trial.repairs, Repair(what="duplicate", where=name, detail=detail)),
+                    repairs=(*trial.repairs, Repair("duplicate", name, detail)),
                 )
         chosen.append(trial)
     return chosen

@@ -50,7 +50,7 @@ def test_a_plate_at_fault_in_one_recording_is_so_in_all(
 ) -> None:
     ground = contacts(recordings[0]).ground
     plate = ground.plates[0]
-    faulty = ground.change(Repair(what=what, where=f"{plate} fz", detail=""))
+    faulty = ground.change(Repair(what, f"{plate} fz", ""))
     first = replace(recordings[0], contacts=replace(contacts(recordings[0]), ground=faulty))
     kept, (note,) = leave_out_untold((first, *recordings[1:]))
     assert note == f"{plate}: what it bears is known in no recording, and was not compared"
@@ -80,7 +80,7 @@ def offset(*unsteady: str) -> Findings:
     made = []
     for before, after in zip(recorded(person(), person().model), recorded(person(), truth), strict=True):
         trial = (after if before.trial.name == "gait_1" else before).trial
-        shaken = Repair(what="shaking", where="all markers", detail="tremble", off=1e-3)
+        shaken = Repair("shaking", "all markers", "tremble", off=1e-3)
         repairs = [shaken] if trial.name in unsteady else []
         made.append(SearchTrial(trial.with_markers(trial.markers, *repairs), before.role))
     return discover(person().model, made).findings

@@ -168,9 +168,7 @@ def test_plates_of_a_file_with_a_wrong_unit_are_not_used() -> None:
     person = record_on_plates()
     repaired = person.trial.with_markers(
         person.trial.markers,
-        Repair(
-            what="unit", where=person.trial.name, detail="positions said to be in m are in mm", frames=250
-        ),
+        Repair("unit", person.trial.name, "positions said to be in m are in mm", frames=250),
     )
     plate = np.zeros((len(person.trial.times), 1, 3))
     forces = GroundForces(

@@ -72,5 +72,5 @@ def select_person(trial: _AnyTrial, marker_map: Mapping[str, str]) -> _AnyTrial:
         trial,
         labels=tuple(trial.labels[k] for k in kept),
         markers=trial.markers[:, kept],
-        repairs=(*trial.repairs, trials.Repair(what="persons", where="labels", detail=detail)),
+        repairs=(*trial.repairs, trials.Repair("persons", "labels", detail)),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from scaling_service.model.body import GROUND, Joint, Law, Surface, Term, to_vec
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-
-
+_Normal: TypeAlias = Literal["normal_x", "normal_y", "normal_z"]
 _NO_TURN = 1e-15
 """rad; a smaller constant rotation is rounding (chosen: below the spacing of numbers near one)."""
 
@@ -40,8 +39,7 @@ def read_frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
             if value:
                 scales_with = None if body == GROUND else body
                 moves.append(Joint("translation", axis, Law.constant(value), scales_with))
-        matrix = transform.R()
-        turn = convert_rotation_to_vector([[matrix.get(i, j) for j in range(3)] for i in range(3)])
+        turn = convert_rotation_to_vector(library.list_rows(transform.R()))
         angle = float(np.linalg.norm(turn))
         if angle > _NO_TURN:
             moves.append(Joint("rotation", to_vector(turn / angle), Law.constant(angle)))
@@ -60,7 +58,7 @@ def read_ellipsoid(joint: Any, parent: str | None, _: str | None) -> list[Joint]
     )
     names = _list_coordinates(joint)
     turns = [Joint("rotation", axis, Law.of(name)) for axis, name in zip((X, Y, Z), names, strict=True)]
-    return [*_glide(names, "xyz", radii, parent), *turns]
+    return [*_glide(names, ("normal_x", "normal_y", "normal_z"), radii, parent), *turns]
 
 
 def read_scapulothoracic(joint: Any, parent: str | None, child: str | None) -> list[Joint]:
@@ -80,21 +78,19 @@ def read_scapulothoracic(joint: Any, parent: str | None, child: str | None) -> l
     slant = own.get_scapula_winging_axis_direction()
     hinge = Joint("rotation", (-math.sin(slant), math.cos(slant), 0.0), Law.of(winging))
     # x and y of the turned frame are y and -x of the joint's
-    glide = _glide(names, "yxz", (-across, along, through), parent)
+    glide = _glide(names, ("normal_y", "normal_x", "normal_z"), (-across, along, through), parent)
     back = (*invert_chain([quarter]), *to_hinge, hinge, *invert_chain(to_hinge))
     return [*glide, quarter, *turns, *back]
 
 
-def _glide(names: Sequence[str], components: str, radii: Sequence[float], parent: str | None) -> list[Joint]:
+def _glide(
+    names: Sequence[str], components: Sequence[_Normal], radii: Sequence[float], parent: str | None
+) -> list[Joint]:
     """Translations along x, y and z by components of the normal, times radii."""
-    surfaces: dict[str, Surface] = {
-        "x": Surface("normal_x", tuple(names[:2])),
-        "y": Surface("normal_y", tuple(names[:2])),
-        "z": Surface("normal_z", tuple(names[:2])),
-    }
+    surfaces = [Surface(component, tuple(names[:2])) for component in components]
     return [
-        Joint("translation", axis, Law((Term(radius, surface=surfaces[letter]),)), parent)
-        for letter, axis, radius in zip(components, (X, Y, Z), radii, strict=True)
+        Joint("translation", axis, Law((Term(radius, surface=surface),)), parent)
+        for surface, axis, radius in zip(surfaces, (X, Y, Z), radii, strict=True)
     ]
 
 
@@ -107,12 +103,8 @@ def read_constant_curvature(joint: Any, _: str | None, child: str | None) -> lis
     own = library.import_opensim().ConstantCurvatureJoint.safeDownCast(joint)
     x, z, y = library.list_numbers(own.get_neutral_angle_x_z_y())
     names = _list_coordinates(joint)
-    bent = tuple(names[:2])
-    surfaces = (
-        Surface("arc_x", bent, (x, z)),
-        Surface("arc_y", bent, (x, z)),
-        Surface("arc_z", bent, (x, z)),
-    )
+    bent = tuple(names[:2]), (x, z)
+    surfaces = Surface("arc_x", *bent), Surface("arc_y", *bent), Surface("arc_z", *bent)
     moves = [
         Joint("translation", axis, Law((Term(own.get_length(), surface=surface),)), child, size_axis=Y)
         for axis, surface in zip((X, Y, Z), surfaces, strict=True)

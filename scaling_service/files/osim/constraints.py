@@ -13,7 +13,13 @@ from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim import functions
 from scaling_service.files.osim.chains import read_frame
 from scaling_service.files.osim.joints import NotPolynomial, substitute
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
+from scaling_service.files.osim.library import (
+    import_opensim,
+    list_items,
+    list_numbers,
+    place_frame,
+    place_in_body,
+)
 from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, to_vector
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
@@ -38,17 +44,14 @@ class NotSubstituted(Exception):
         self.coordinate = coordinate
 
 
-def read_coupler(constraint: Any, ranges: abc.Mapping[str, functions.Range]) -> Coupler | Constraint:
+def _read_coupler(constraint: Any, ranges: abc.Mapping[str, functions.Range]) -> Coupler | Constraint:
     """A coordinate that follows one other, or an equation between several."""
     name = constraint.getName()
     coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
-    names, dependent = (
-        functions.list_strings(coupler.getIndependentCoordinateNames()),
-        coupler.getDependentCoordinateName(),
-    )
-    law = functions.read_law(coupler.getFunction(), names, ranges, name).scale(
-        functions.read_number(coupler, "scale_factor")
-    )
+    names = functions.list_strings(coupler.getIndependentCoordinateNames())
+    dependent = coupler.getDependentCoordinateName()
+    law = functions.read_law(coupler.getFunction(), names, ranges, name)
+    law = law.scale(functions.read_number(coupler, "scale_factor"))
     if names and len(law.coordinates) <= 1:
         return Coupler(dependent, next(iter(law.coordinates), names[0]), law)
     return to_equation(name, dependent, law)
@@ -59,12 +62,14 @@ def to_equation(name: str, dependent: str, law: Law) -> Constraint:
     return Constraint(name=name, kind="law", law=Law.of(dependent) + law.scale(-1.0))
 
 
-def read_constraint(constraint: Any) -> Constraint:
-    """A constraint between bodies.
+def read_constraint(constraint: Any, ranges: abc.Mapping[str, functions.Range]) -> Coupler | Constraint:
+    """A coupling of coordinates, or a constraint between bodies.
 
     ModelRefused: of a kind that no equation between points says.
     """
     name, kind = constraint.getName(), constraint.getConcreteClassName()
+    if kind == "CoordinateCouplerConstraint":
+        return _read_coupler(constraint, ranges)
     library = import_opensim()
     if kind == "WeldConstraint":
         weld = library.WeldConstraint.safeDownCast(constraint)
@@ -72,9 +77,8 @@ def read_constraint(constraint: Any) -> Constraint:
         for frame in (weld.getFrame1(), weld.getFrame2()):
             # The body under a frame, where the frame is in it and how it is turned (a rotation vector)
             body, _ = read_frame(frame, name)
-            place = frame.findTransformInBaseFrame()
-            turn = convert_rotation_to_vector([[place.R().get(i, j) for j in range(3)] for i in range(3)])
-            places.append((body, to_vector(list_numbers(place.p())), to_vector(turn)))
+            turn, origin = place_frame(frame)
+            places.append((body, to_vector(origin), to_vector(convert_rotation_to_vector(turn))))
         ends = tuple(Marker.at(name, body, shift) for body, shift, _ in places)
         return Constraint(name=name, kind="weld", ends=ends, turns=(places[0][2], places[1][2]))
     if kind not in POINTS:
@@ -87,16 +91,15 @@ def read_constraint(constraint: Any) -> Constraint:
     frames = list_end_frames(constraint)
     points = []
     for frame, where in frames:
-        at = frame.findTransformInBaseFrame().shiftFrameStationToBase(getattr(own, f"get_{where}")())
-        points.append(Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(at))))
+        body, at = place_in_body(frame, getattr(own, f"get_{where}")())
+        points.append(Marker.at(name, body, to_vector(at)))
     found = Constraint(name=name, kind=POINTS[kind][0], ends=tuple(points))
     if kind == "ConstantDistanceConstraint":
         return replace(found, distance=own.get_constant_distance())
     if kind == "PointOnLineConstraint":
         line = frames[0][0].findTransformInBaseFrame()
-        return replace(
-            found, direction=to_vector(list_numbers(line.xformFrameVecToBase(own.get_line_direction_vec())))
-        )
+        along = line.xformFrameVecToBase(own.get_line_direction_vec())
+        return replace(found, direction=to_vector(list_numbers(along)))
     return found
 
 
@@ -148,8 +151,6 @@ def list_ends(model: Any) -> list[tuple[Any, Array, abc.Callable[[Any], None]]]:
         if constraint.getConcreteClassName() in POINTS:
             own = getattr(import_opensim(), constraint.getConcreteClassName()).safeDownCast(constraint)
             for frame, name in list_end_frames(constraint):
-                place = frame.findTransformInBaseFrame().shiftFrameStationToBase(
-                    getattr(own, f"get_{name}")()
-                )
-                found.append((frame, np.array(list_numbers(place)), getattr(own, f"set_{name}")))
+                _, place = place_in_body(frame, getattr(own, f"get_{name}")())
+                found.append((frame, np.array(place), getattr(own, f"set_{name}")))
     return found

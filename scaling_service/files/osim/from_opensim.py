@@ -60,12 +60,7 @@ def read_body_model(model: Any) -> model_body.BodyModel:
     constraints: list[model_body.Constraint] = []
     for item in library.list_items(model.getConstraintSet()):
         if item.get_isEnforced():
-            coupled = item.getConcreteClassName() == "CoordinateCouplerConstraint"
-            found = (
-                osim_constraints.read_coupler(item, ranges)
-                if coupled
-                else osim_constraints.read_constraint(item)
-            )
+            found = osim_constraints.read_constraint(item, ranges)
             if isinstance(found, model_body.Constraint):
                 constraints.append(found)
             elif found.dependent in direct:
@@ -96,17 +91,9 @@ def read_body_model(model: Any) -> model_body.BodyModel:
         couplers.append(replace(c, kind="rotation" if kind == _ROTATIONAL else "translation"))
     markers = []
     for marker in library.list_items(model.getMarkerSet()):
-        frame = marker.getParentFrame()
-        in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
-        body = frame.findBaseFrame().getName()
-        markers.append(
-            model_body.Marker.at(
-                marker.getName(),
-                body,
-                model_body.to_vector(library.list_numbers(in_body)),
-                anatomical=marker.get_fixed(),
-            )
-        )
+        body, at = library.place_in_body(marker.getParentFrame(), marker.get_location())
+        place = model_body.to_vector(at)
+        markers.append(model_body.Marker.at(marker.getName(), body, place, anatomical=marker.get_fixed()))
     return model_body.BodyModel(
         name=model.getName(),
         segments=driven,
@@ -138,18 +125,15 @@ def _list_notes(model: Any, followed: abc.Sequence[model_body.Constraint]) -> ab
 
 
 def _read_coordinate(coordinate: Any) -> model_body.Coordinate:
-    default, locked = coordinate.getDefaultValue(), coordinate.getDefaultLocked()
     prescribed = _find_prescribed(coordinate)
-    if prescribed is not None:
-        default, locked = prescribed, True
     return model_body.Coordinate(
         name=coordinate.getName(),
         kind="rotation" if int(coordinate.getMotionType()) == _ROTATIONAL else "translation",
-        default=default,
+        default=coordinate.getDefaultValue() if prescribed is None else prescribed,
         lower=coordinate.getRangeMin(),
         upper=coordinate.getRangeMax(),
         clamped=coordinate.getDefaultClamped(),
-        locked=locked,
+        locked=prescribed is not None or coordinate.getDefaultLocked(),
     )
 
 
@@ -256,10 +240,6 @@ def _order_segments(
             continue
         reached.add(child)
         body = bodies[child]
-        com, inertia = (
-            model_body.to_vector(library.list_numbers(body.get_mass_center())),
-            model_body.to_tensor(library.list_numbers(body.get_inertia())),
-        )
         segments.append(
             model_body.Segment(
                 name=child,
@@ -267,8 +247,8 @@ def _order_segments(
                 joint_name=link.name,
                 joints=chain,
                 mass=body.get_mass(),
-                com=com,
-                inertia=inertia,
+                com=model_body.to_vector(library.list_numbers(body.get_mass_center())),
+                inertia=model_body.to_tensor(library.list_numbers(body.get_inertia())),
             )
         )
     for name in bodies:

@@ -177,3 +177,20 @@ def list_items(collection: Any) -> list[Any]:
 def list_numbers(vector: Any) -> list[float]:
     """A SimTK vector as a list."""
     return [vector.get(k) for k in range(vector.size())]
+
+
+def list_rows(rotation: Any) -> list[list[float]]:
+    """A SimTK rotation as the rows of its matrix, (3, 3)."""
+    return [[rotation.get(i, j) for j in range(3)] for i in range(3)]
+
+
+def place_in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
+    """The body that a frame is fixed in, and a point of the frame in that body, (3,), m."""
+    place = frame.findTransformInBaseFrame()
+    return frame.findBaseFrame().getName(), list_numbers(place.shiftFrameStationToBase(at))
+
+
+def place_frame(frame: Any) -> tuple[list[list[float]], list[float]]:
+    """A frame's rotation and origin in its body, m."""
+    place = frame.findTransformInBaseFrame()
+    return list_rows(place.R()), list_numbers(place.p())

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
+from scaling_service.files.osim.library import (
+    import_opensim,
+    list_items,
+    list_numbers,
+    load,
+    place_frame,
+    place_in_body,
+)
 
 _NO_ARM = 1e-9  # m; chosen: a moment arm below is rounding
 
@@ -156,9 +163,7 @@ def move_points(request: abc.Mapping[str, Any]) -> dict[str, Any]:
     for muscle, ratio in zip(muscles, _measure_lengths(osim) / before, strict=True):
         muscle.set_optimal_fiber_length(float(ratio) * muscle.get_optimal_fiber_length())
         muscle.set_tendon_slack_length(float(ratio) * muscle.get_tendon_slack_length())
-    osim.finalizeConnections()
-    osim.printToXML("moved.osim")
-    return {"text": Path("moved.osim").read_text(encoding="utf-8"), "astray": sorted(astray)}
+    return {"text": _write(osim), "astray": sorted(astray)}
 
 
 def set_lengths(request: abc.Mapping[str, Any]) -> dict[str, Any]:
@@ -168,9 +173,13 @@ def set_lengths(request: abc.Mapping[str, Any]) -> dict[str, Any]:
         muscle = osim.updMuscles().get(name)
         muscle.set_optimal_fiber_length(fibre)
         muscle.set_tendon_slack_length(slack)
+    return {"text": _write(osim)}
+
+
+def _write(osim: Any) -> str:
     osim.finalizeConnections()
-    osim.printToXML("lengths.osim")
-    return {"text": Path("lengths.osim").read_text(encoding="utf-8")}
+    osim.printToXML("changed.osim")
+    return Path("changed.osim").read_text(encoding="utf-8")
 
 
 def _set_points(osim: Any, points: abc.Iterable[abc.Sequence[Any]]) -> None:
@@ -196,18 +205,6 @@ def _list_fixed_points(osim: Any) -> abc.Iterator[tuple[Any, int, Any]]:
             fixed = import_opensim().PathPoint.safeDownCast(point)
             if fixed is not None:
                 yield muscle, number, fixed
-
-
-def place_in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
-    """The body that a frame is fixed in, and a point of the frame in that body, (3,), m."""
-    place = frame.findTransformInBaseFrame()
-    return frame.findBaseFrame().getName(), list_numbers(place.shiftFrameStationToBase(at))
-
-
-def place_frame(frame: Any) -> tuple[list[list[float]], list[float]]:
-    """A frame's rotation and origin in its body, m."""
-    place = frame.findTransformInBaseFrame()
-    return [[place.R().get(i, j) for j in range(3)] for i in range(3)], list_numbers(place.p())
 
 
 def _measure_lengths(osim: Any) -> NDArray[np.float64]:

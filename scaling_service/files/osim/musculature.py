@@ -12,7 +12,13 @@ from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim import chains, functions, muscle_paths
 from scaling_service.files.osim.constraints import substitute_all
 from scaling_service.files.osim.from_opensim import read_body_model
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
+from scaling_service.files.osim.library import (
+    import_opensim,
+    list_items,
+    list_numbers,
+    list_rows,
+    place_in_body,
+)
 from scaling_service.model import body as bodies
 from scaling_service.model import muscles as model_muscles
 from scaling_service.model.document import to_document
@@ -102,8 +108,7 @@ def _read_surface(wrap: Any, segment: str) -> model_muscles.WrapSurface:
     own = getattr(import_opensim(), kind).safeDownCast(wrap)
     found = [getattr(own, f"get_{each}")() for each in names]
     sizes = list_numbers(found[0]) if shape == "ellipsoid" else found
-    turn = wrap.getTransform().R()
-    axes = [bodies.to_vector([turn.get(i, j) for j in range(3)]) for i in range(3)]
+    axes = [bodies.to_vector(row) for row in list_rows(wrap.getTransform().R())]
     side = _SIDES.get(wrap.get_quadrant().lower())
     return model_muscles.WrapSurface(
         name=name,
@@ -162,18 +167,13 @@ def _read_point(point: Any, name: str) -> model_muscles.PathPoint:
     if library.MovingPathPoint.safeDownCast(point) is not None:
         return model_muscles.PathPoint(name=name, segment=name, at=(0.0, 0.0, 0.0))
     place = library.PathPoint.safeDownCast(point).get_location()
-    segment, at = muscle_paths.place_in_body(point.getParentFrame(), place)
+    segment, at = place_in_body(point.getParentFrame(), place)
+    found = model_muscles.PathPoint(name=name, segment=segment, at=bodies.to_vector(at))
     conditional = library.ConditionalPathPoint.safeDownCast(point)
     if conditional is None:
-        return model_muscles.PathPoint(name=name, segment=segment, at=bodies.to_vector(at))
-    return model_muscles.PathPoint(
-        name=name,
-        segment=segment,
-        at=bodies.to_vector(at),
-        coordinate=conditional.getCoordinate().getName(),
-        lower=conditional.get_range(0),
-        upper=conditional.get_range(1),
-    )
+        return found
+    coordinate, lower, upper = conditional.getCoordinate(), conditional.get_range(0), conditional.get_range(1)
+    return replace(found, coordinate=coordinate.getName(), lower=lower, upper=upper)
 
 
 def _list_contacts(path: Any, state: Any) -> abc.Iterator[dict[str, Any]]:

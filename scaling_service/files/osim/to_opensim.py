@@ -22,6 +22,7 @@ from scaling_service.files.osim.library import (
     list_items,
     list_numbers,
     load,
+    place_frame,
     put_back,
     shorten_message,
 )
@@ -149,9 +150,8 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
     for joint in (custom for custom in customs if custom is not None):
         for number in (3, 4, 5):
             axis = joint.getSpatialTransform().getTransformAxis(number)
-            if from_opensim.is_pure(axis.getFunction()) or sorted(
-                map(abs, list_numbers(axis.get_axis()))
-            ) == [0.0, 0.0, 1.0]:
+            along = sorted(map(abs, list_numbers(axis.get_axis())))
+            if from_opensim.is_pure(axis.getFunction()) or along == [0.0, 0.0, 1.0]:
                 continue
             multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
             gain = multiplier.getScale() if multiplier is not None else 1.0
@@ -198,27 +198,34 @@ def _scale_componentwise(
 def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[float]]) -> None:
     """Put a joint elsewhere in the bodies that it joins: on frames of its own, so that others keep theirs."""
     joint = model.updJointSet().get(name)
-    ends = [
-        ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
-        ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
-    ]
     back = convert_vector_to_rotation(move["child_turn"]).T  # the body turns, so the joint turns back in it
-    for end, frame, connect in ends:
+    for end, frame, connect in _list_joint_ends(joint):
         near = frame.findBaseFrame().getName() == parent
         turn, shift = (np.eye(3), np.array(move["shift"])) if near else (back, -back @ move["child_shift"])
         if not (shift.any() or (turn != np.eye(3)).any()):
             continue
-        place = frame.findTransformInBaseFrame()
-        matrix = place.R()
-        now = np.array([[matrix.get(i, j) for j in range(3)] for i in range(3)])
+        now, place = place_frame(frame)
         body = _make_body(model, frame.findBaseFrame().getName())
-        moved = import_opensim().PhysicalOffsetFrame(body, import_opensim().Transform())
-        moved.setName(f"{name}_imaged_{end}")
-        moved.set_translation(_to_vec3(turn @ list_numbers(place.p()) + shift))
-        moved.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn @ now)))
-        joint.addFrame(moved)
-        moved.thisown = False  # the joint deletes it
+        moved = _make_offset(f"{name}_imaged_{end}", body, turn @ now)
+        moved.set_translation(_to_vec3(turn @ place + shift))
+        _give(joint.addFrame, moved)
         connect(moved)
+
+
+def _list_joint_ends(joint: Any) -> list[tuple[str, Any, Callable[[Any], None]]]:
+    """The frames that a joint joins, and how to join others."""
+    return [
+        ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
+        ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
+    ]
+
+
+def _make_offset(name: str, base: Any, turn: Array) -> Any:
+    """A frame turned in another."""
+    frame = import_opensim().PhysicalOffsetFrame(base, import_opensim().Transform())
+    frame.setName(name)
+    frame.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
+    return frame
 
 
 def _tilt(model: Any, name: str, turn: Array) -> None:
@@ -244,19 +251,12 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
             constant = import_opensim().Constant.safeDownCast(axis.getFunction())
             idle = constant is not None and constant.getValue() == 0.0
             if idle or moving[0] <= k <= moving[-1]:
-                turned = turn @ list_numbers(axis.get_axis())
-                axis.setAxis(_to_vec3(turned))
+                axis.setAxis(_to_vec3(turn @ list_numbers(axis.get_axis())))
     elif joint.getConcreteClassName() in _PURE_TURNS:
         # Both joint frames turned alike: frames within the present ones, so that others keep theirs.
-        for end, frame, connect in (
-            ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
-            ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
-        ):
-            turned = import_opensim().PhysicalOffsetFrame(frame, import_opensim().Transform())
-            turned.setName(f"{joint.getName()}_tilted_{end}")
-            turned.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
-            joint.addFrame(turned)
-            turned.thisown = False  # the joint deletes it
+        for end, frame, connect in _list_joint_ends(joint):
+            turned = _make_offset(f"{joint.getName()}_tilted_{end}", frame, turn)
+            _give(joint.addFrame, turned)
             connect(turned)
     else:
         raise _refuse_without_axis(name, joint.getConcreteClassName())
@@ -295,7 +295,7 @@ def _make_body(osim: Any, name: str) -> Any:
 
 
 def _give(add: Callable[[Any], None], item: Any) -> None:
-    """Add something to a model, which then deletes it."""
+    """Add something to a model or a joint, which then deletes it."""
     add(item)
     item.thisown = False
 

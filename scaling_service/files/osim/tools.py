@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.osim.library import import_opensim
+from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, list_rows
 
 _UNASSIGNED = "Unassigned"
 _TRANSLATIONAL = 2  # OpenSim's Coordinate::MotionType
@@ -51,7 +51,7 @@ def track(request: dict[str, Any]) -> dict[str, Any]:
     model.initSystem()
     seen = osim.MarkerData(request["recording"])
     labels = [seen.getMarkerNames().get(k) for k in range(seen.getNumMarkers())]
-    own = [model.getMarkerSet().get(k).getName() for k in range(model.getMarkerSet().getSize())]
+    own = [marker.getName() for marker in list_items(model.getMarkerSet())]
     weights = request.get("weights") or dict.fromkeys((n for n in own if n in labels), 1.0)
     tool = osim.InverseKinematicsTool()
     for kind, each in ((osim.IKMarkerTask, weights), (osim.IKCoordinateTask, request.get("coordinates", {}))):
@@ -92,29 +92,24 @@ def trace(request: dict[str, Any]) -> dict[str, Any]:
         for label in table.getColumnLabels():
             name = label.split("/")[-2] if label.endswith("/value") else label
             columns[name] = table.getDependentColumn(label).to_numpy().tolist()
-    every = [model.getCoordinateSet().get(k) for k in range(model.getCoordinateSet().getSize())]
-    joints = [model.getJointSet().get(k) for k in range(model.getJointSet().getSize())]
-    bodies = [model.getBodySet().get(k) for k in range(model.getBodySet().getSize())]
-    markers = [model.getMarkerSet().get(k) for k in range(model.getMarkerSet().getSize())]
-    answer: dict[str, Any] = {"times": times, "slides": [], "coordinates": {}}
-    answer |= {"joints": {}, "markers": {}, "turns": {}}
-    answer["slides"] = [c.getName() for c in every if c.getMotionType() == _TRANSLATIONAL]
+    every, joints = list_items(model.getCoordinateSet()), list_items(model.getJointSet())
+    bodies, markers = list_items(model.getBodySet()), list_items(model.getMarkerSet())
+    slides = [c.getName() for c in every if c.getMotionType() == _TRANSLATIONAL]
+    found: dict[str, dict[str, Any]] = {"coordinates": {}, "joints": {}, "markers": {}, "turns": {}}
+
+    def add(kind: str, name: str, value: Any) -> None:
+        found[kind].setdefault(name, []).append(value)
+
     for row in range(len(times)):
         for c in every:
             value = columns[c.getName()][row] if c.getName() in columns else math.nan
             c.setValue(state, c.getDefaultValue() if math.isnan(value) else value, False)
-            answer["coordinates"].setdefault(c.getName(), []).append(c.getValue(state))
+            add("coordinates", c.getName(), c.getValue(state))
         model.realizePosition(state)
         for j in joints:
-            _add(answer["joints"], j.getName(), j.getParentFrame().getPositionInGround(state))
+            add("joints", j.getName(), list_numbers(j.getParentFrame().getPositionInGround(state)))
         for m in markers:
-            _add(answer["markers"], m.getName(), m.getLocationInGround(state))
+            add("markers", m.getName(), list_numbers(m.getLocationInGround(state)))
         for b in bodies:
-            turn = b.getTransformInGround(state).R().asMat33()
-            matrix = [[turn.get(i, j) for j in range(3)] for i in range(3)]
-            answer["turns"].setdefault(b.getName(), []).append(matrix)
-    return answer
-
-
-def _add(found: dict[str, Any], name: str, vector: Any) -> None:
-    found.setdefault(name, []).append([vector.get(k) for k in range(3)])
+            add("turns", b.getName(), list_rows(b.getTransformInGround(state).R().asMat33()))
+    return {"times": times, "slides": slides, **found}

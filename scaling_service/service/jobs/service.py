@@ -86,7 +86,8 @@ class Service:
 
     def subject_document(self, owner: str, subject: str) -> dict[str, Any]:
         """A subject's document."""
-        text = subjects.read_document(self._database, owner, _require_known_name(subject, "subject"))
+        with self.store.read() as connection:
+            text = subjects.read_document(connection, owner, _require_known_name(subject, "subject"))
         document: dict[str, Any] = json.loads(text)
         return document
 
@@ -138,7 +139,7 @@ class Service:
         """Remove a file of a subject; jobs that were asked for before keep theirs."""
         self.subject_file(owner, subject, name)
         with self._deleting(owner):
-            subjects.detach(self._database, self.store.blobs, owner, subject, [name])
+            subjects.detach(self._database, self.store.blobs, owner, subject, name)
 
     # The laboratory
 

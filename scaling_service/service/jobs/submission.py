@@ -99,7 +99,7 @@ def make_new_job(
     asked for, or a file that it names was not uploaded.
     """
     documents: job.Documents = {
-        subject: json.loads(subjects.read_document_in(connection, owner, subject))
+        subject: json.loads(subjects.read_document(connection, owner, subject))
         for subject in request.subjects
     }
     inputs: list[FileRow] = []

@@ -14,15 +14,15 @@ from scaling_service.service.store import tables
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
 
-SHOWN = tuple(
-    tables.jobs.c[name] for name in tables.JobRow.__dataclass_fields__
-)  # columns of a job that are small
+SHOWN = tuple(tables.jobs.c[name] for name in tables.JobRow.__dataclass_fields__)
+"""Columns of a job that are small."""
 
 _ONE = sa.select(*SHOWN).where(
     tables.jobs.c.id == sa.bindparam("job"), tables.jobs.c.owner == sa.bindparam("owner")
 )
 """Made once: whoever follows a job asks again and again."""
 
+_NOTED = {"updated_us": db.NowUs(), "revision": tables.jobs.c.revision + 1}  # of a row that changes
 _LEASED = tables.jobs.c.state.in_([state.value for state in State if state.is_leased])
 _QUEUED = tables.jobs.c.state == State.QUEUED.value
 
@@ -61,12 +61,19 @@ def add(connection: sa.Connection, job: NewJob, state: str, *, part: bool = Fals
     if job.subjects:
         named = [{"job": job.id, "subject": s, "owner": job.owner, "created_us": now} for s in job.subjects]
         connection.execute(sa.insert(tables.job_subjects), named)
-    _add_files(connection, tables.job_inputs, job.id, job.inputs)
+    add_files(connection, job.id, job.inputs, tables.job_inputs)
 
 
-def add_files(connection: sa.Connection, job: str, files: abc.Iterable[tables.FileRow]) -> None:
-    """Say what a job made."""
-    _add_files(connection, tables.job_files, job, files)
+def add_files(
+    connection: sa.Connection,
+    job: str,
+    files: abc.Iterable[tables.FileRow],
+    table: sa.Table = tables.job_files,
+) -> None:
+    """Say what a job made, or what it works on."""
+    rows = [{"job": job, "path": f.name, "sha256": f.sha256, "size": f.size} for f in files]
+    if rows:
+        connection.execute(sa.insert(table), rows)
 
 
 def find(connection: sa.Connection, job: str) -> tables.JobRow | None:
@@ -76,10 +83,8 @@ def find(connection: sa.Connection, job: str) -> tables.JobRow | None:
 
 def lock(connection: sa.Connection, job: str, owner: str | None = None) -> tables.JobRow | None:
     """A job that nobody else can change before this write transaction ends; None if there is none."""
-    statement = sa.select(*SHOWN).where(tables.jobs.c.id == job).with_for_update()
-    return find_first(
-        connection, statement if owner is None else statement.where(tables.jobs.c.owner == owner)
-    )
+    statement = sa.select(*SHOWN).filter_by(id=job, **({} if owner is None else {"owner": owner}))
+    return find_first(connection, statement.with_for_update())
 
 
 def find_first(connection: sa.Connection, statement: sa.Select[Any], **values: str) -> tables.JobRow | None:
@@ -90,8 +95,7 @@ def find_first(connection: sa.Connection, statement: sa.Select[Any], **values: s
 
 def change(connection: sa.Connection, job: str, values: abc.Mapping[str, Any]) -> None:
     """Write columns of a job that is locked; its revision grows."""
-    written = {"updated_us": db.NowUs()} | dict(values) | {"revision": tables.jobs.c.revision + 1}
-    connection.execute(sa.update(tables.jobs).where(tables.jobs.c.id == job).values(written))
+    connection.execute(sa.update(tables.jobs).where(tables.jobs.c.id == job).values(_NOTED | dict(values)))
 
 
 def get(database: db.Database, owner: str, job: str) -> tables.JobRow:
@@ -172,14 +176,6 @@ def _list_files_of(database: db.Database, table: sa.Table, job: str) -> list[tab
     wanted = sa.select(table.c.path, table.c.sha256, table.c.size).where(table.c.job == job)
     with database.read() as connection:
         return [tables.FileRow(*row) for row in connection.execute(wanted.order_by(table.c.path))]
-
-
-def _add_files(
-    connection: sa.Connection, table: sa.Table, job: str, files: abc.Iterable[tables.FileRow]
-) -> None:
-    rows = [{"job": job, "path": f.name, "sha256": f.sha256, "size": f.size} for f in files]
-    if rows:
-        connection.execute(sa.insert(table), rows)
 
 
 def _is_queued(kinds: abc.Collection[str] | None) -> sa.ColumnElement[bool]:
@@ -284,13 +280,9 @@ def renew(database: db.Database, worker: str, seconds: float) -> None:
 
 def explain_wait(database: db.Database, why: str) -> None:
     """Have all queued jobs say what they wait for."""
-    queued = sa.update(tables.jobs).where(
-        tables.jobs.c.state == State.QUEUED.value, tables.jobs.c.progress_what != why
-    )
+    queued = sa.update(tables.jobs).where(_QUEUED, tables.jobs.c.progress_what != why)
     with database.write() as connection:
-        connection.execute(
-            queued.values(progress_what=why, updated_us=db.NowUs(), revision=tables.jobs.c.revision + 1)
-        )
+        connection.execute(queued.values({"progress_what": why} | _NOTED))
 
 
 def report(database: db.Database, worker: str, progress: abc.Iterable[tuple[str, int, float, str]]) -> None:
@@ -300,11 +292,6 @@ def report(database: db.Database, worker: str, progress: abc.Iterable[tuple[str,
     )
     with database.write() as connection:
         for job, attempt, share, what in progress:
-            connection.execute(
-                running.where(tables.jobs.c.id == job, tables.jobs.c.attempt == attempt).values(
-                    progress_share=share,
-                    progress_what=what[:200],
-                    updated_us=db.NowUs(),
-                    revision=tables.jobs.c.revision + 1,
-                )
-            )
+            own = running.where(tables.jobs.c.id == job, tables.jobs.c.attempt == attempt)
+            told = {"progress_share": share, "progress_what": what[:200]}
+            connection.execute(own.values(told | _NOTED))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
 
 import sqlalchemy as sa
 
@@ -31,12 +30,7 @@ def put(
     """
     with database.write() as connection:
         ensure_owner(connection, owner)
-        changed = connection.execute(
-            sa.update(tables.subjects)
-            .where(is_subject(owner, identity))
-            .values(document=document, updated_us=db.NowUs(), revision=tables.subjects.c.revision + 1)
-        )
-        new = changed.rowcount == 0
+        new = not _change(connection, owner, identity, document=document)
         if new:
             own = sa.select(sa.func.count()).where(tables.subjects.c.owner == owner)
             if most is not None and (connection.scalar(own) or 0) >= most:
@@ -64,14 +58,8 @@ def get(database: db.Database, owner: str, identity: str) -> tables.SubjectRow:
     return tables.SubjectRow(**found)
 
 
-def read_document(database: db.Database, owner: str, identity: str) -> str:
+def read_document(connection: sa.Connection, owner: str, identity: str) -> str:
     """A subject's document as it was put; NotFound where this owner has none of that name."""
-    with database.read() as connection:
-        return read_document_in(connection, owner, identity)
-
-
-def read_document_in(connection: sa.Connection, owner: str, identity: str) -> str:
-    """:func:`read_document` within a transaction."""
     found = connection.scalar(sa.select(tables.subjects.c.document).where(is_subject(owner, identity)))
     if found is None:
         raise report_no_subject(identity)
@@ -108,11 +96,7 @@ def attach(
     mine = _select_files(owner, identity)
     with database.write() as connection:
         _touch(connection, owner, identity)
-        replaced = connection.scalars(
-            sa.delete(tables.subject_files)
-            .where(mine, tables.subject_files.c.name == name)
-            .returning(tables.subject_files.c.sha256)
-        ).all()
+        replaced = _remove(connection, owner, identity, name)
         if (connection.scalar(sa.select(sa.func.count()).where(mine)) or 0) >= most:
             raise InputError(
                 f"subject '{identity}' has {most} files already, which is the most",
@@ -125,27 +109,25 @@ def attach(
                 **dataclasses.asdict(row), owner=owner, subject=identity, updated_us=db.NowUs()
             )
         )
-    store_blobs.remove_unreferenced(database, blobs, set(replaced) - {row.sha256})
+    store_blobs.remove_unreferenced(database, blobs, replaced - {row.sha256})
     return row
 
 
-def detach(
-    database: db.Database, blobs: store_blobs.Blobs, owner: str, identity: str, names: Iterable[str]
-) -> None:
-    """Remove files of a subject, or none where one is not there; jobs keep their own reference."""
-    gone: list[str] = []
+def detach(database: db.Database, blobs: store_blobs.Blobs, owner: str, identity: str, name: str) -> None:
+    """Remove a file of a subject; jobs keep their own reference."""
     with database.write() as connection:
-        for name in names:
-            found = connection.scalar(
-                sa.delete(tables.subject_files)
-                .where(_select_files(owner, identity), tables.subject_files.c.name == name)
-                .returning(tables.subject_files.c.sha256)
-            )
-            if found is None:
-                raise NotFound(f"subject '{identity}' has no file '{name}'", field="name")
-            gone.append(found)
+        gone = _remove(connection, owner, identity, name)
+        if not gone:
+            raise NotFound(f"subject '{identity}' has no file '{name}'", field="name")
         _touch(connection, owner, identity)
     store_blobs.remove_unreferenced(database, blobs, gone)
+
+
+def _remove(connection: sa.Connection, owner: str, identity: str, name: str) -> set[str]:
+    """Remove the file of this name, if there is one: its digest."""
+    mine = _select_files(owner, identity)
+    found = sa.delete(tables.subject_files).where(mine, tables.subject_files.c.name == name)
+    return set(connection.scalars(found.returning(tables.subject_files.c.sha256)))
 
 
 def list_files(database: db.Database, owner: str, identity: str) -> list[tables.FileRow]:
@@ -171,13 +153,15 @@ def _select_files(owner: str, identity: str) -> sa.ColumnElement[bool]:
 
 def _touch(connection: sa.Connection, owner: str, identity: str) -> None:
     """Lock the subject's row and note the change."""
-    done = connection.execute(
-        sa.update(tables.subjects)
-        .where(is_subject(owner, identity))
-        .values(updated_us=db.NowUs(), revision=tables.subjects.c.revision + 1)
-    )
-    if done.rowcount == 0:
+    if not _change(connection, owner, identity):
         raise report_no_subject(identity)
+
+
+def _change(connection: sa.Connection, owner: str, identity: str, **values: str) -> bool:
+    """Write columns of a subject and note the change; whether there is such a subject."""
+    noted = {"updated_us": db.NowUs(), "revision": tables.subjects.c.revision + 1}
+    changed = sa.update(tables.subjects).where(is_subject(owner, identity)).values(values | noted)
+    return connection.execute(changed).rowcount > 0
 
 
 def read_marker_map(database: db.Database, owner: str) -> tables.WrittenRow | None:
@@ -200,7 +184,7 @@ def read_note(database: db.Database, owner: str, identity: str) -> tables.Writte
 def put_note(database: db.Database, owner: str, identity: str, document: str) -> None:
     """Keep what is written about a subject, as JSON, in place of what was; NotFound without the subject."""
     with database.write() as connection:
-        read_document_in(connection, owner, identity)
+        read_document(connection, owner, identity)
         _put_written(connection, tables.notes, document, owner=owner, subject=identity)
 
 

@@ -82,7 +82,7 @@ def test_collecting_may_be_cut_short_after_the_file_is_gone(store: Store) -> Non
     """The row says that the content is there; the next upload of it puts it back."""
     subjects.put(store.database, "lab", "S01", "{}")
     row = upload(store, "lab", "S01", "a", b"content")
-    subjects.detach(store.database, store.blobs, "lab", "S01", ["a"])
+    subjects.detach(store.database, store.blobs, "lab", "S01", "a")
     with store.write() as connection:
         blobs._lock(connection, row.sha256, {"size": row.size})  # as if the collector's commit never came
     upload(store, "lab", "S01", "a", b"content")
@@ -124,7 +124,7 @@ def test_nothing_that_is_referred_to_is_collected_beside_writers(store: Store) -
                 row = upload(store, "lab", name, "a", str(k % 3).encode())
                 assert store.blobs.path(row.sha256).read_bytes() == str(k % 3).encode()
                 if k % 2:
-                    subjects.detach(store.database, store.blobs, "lab", name, ["a"])
+                    subjects.detach(store.database, store.blobs, "lab", name, "a")
         except BaseException as error:  # noqa: BLE001 (told below, in the main thread)
             troubles.append(error)
 

@@ -60,7 +60,7 @@ def test_a_deleted_job_leaves_no_trace_of_itself(sqlite_store: Store) -> None:
     deletion.delete_job(sqlite_store.database, sqlite_store.blobs, "lab", job)
     kept = traces(sqlite_store.blobs.folder)
     assert len(kept) == 2  # the subject's own file, and its document in the database
-    subjects.detach(sqlite_store.database, sqlite_store.blobs, "lab", "S01", ["walk.trc"])
+    subjects.detach(sqlite_store.database, sqlite_store.blobs, "lab", "S01", "walk.trc")
     subjects.put(sqlite_store.database, "lab", "S01", "{}")
     deletion.remove_traces(sqlite_store.database)
     assert traces(sqlite_store.blobs.folder) == []

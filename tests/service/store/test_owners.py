@@ -68,7 +68,8 @@ def test_owners_do_not_see_each_other(store: Store) -> None:
         subjects.put(store.database, owner, "S01", f'"{owner}"')
         upload(store, owner, "S01", f"{owner}.trc", owner.encode())
     job = add_job(store, "lab", "{}", subjects=("S01",), outputs={"a": b"a"})
-    assert subjects.read_document(store.database, "other", "S01") == '"other"'
+    with store.read() as connection:
+        assert subjects.read_document(connection, "other", "S01") == '"other"'
     assert [file.name for file in subjects.list_files(store.database, "other", "S01")] == ["other.trc"]
     for look in (jobs.get, jobs.read_documents, jobs.list_files):
         with pytest.raises(NotFound):

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scaling_service.bones import fits, shapes
 from scaling_service.bones.deviations import GRAIN_M
 from scaling_service.bones.surface import Surface
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 DISTAL_M = 0.05  # height of the block that holds the condyles: chosen, a little above their posterior rims
 

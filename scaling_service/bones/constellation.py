@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.frames import build_pelvis_frame
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.people import read_people
-
-Array = NDArray[np.float64]
 
 _APART_MM, _APART_SD = 174.0, 10.0  # between hip centres of adults, Puchaud 2019
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from scaling_service.bones.shapes import spread_directions
 from scaling_service.bones.surface import Surface
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 _OPEN, _FLAT = 0.35, 0.4
 """Shares of a section just below an end: bone that faces outwards covers an anatomical end wholly and an open

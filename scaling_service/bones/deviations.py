@@ -13,16 +13,13 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from scaling_service.bones import edges, fits
 from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.model.people import read_people
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 GRAIN_M = 5e-3  # errors of a segmentation are alike over about so far; chosen, several voxels
 TURN = float(np.deg2rad(5.0))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 HOLE_M = 0.008  # chosen, a malleolus' radius: a whole tip, or the end of a fibula, is lost in a wider gap
 NEAR_M = 0.010  # chosen: edges of triangles and a blunt tip's size

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scaling_service.bones import condyles, cuts, fits, pieces, results
 from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere, find_tips
 from scaling_service.bones.surface import Surface, prepare
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 FLARE = 1.3  # largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2
 _ELONGATED = 2.0  # chosen: length over thickness below which the shaft need not be the long axis

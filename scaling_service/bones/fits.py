@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from scaling_service.bones import results, shapes
 from scaling_service.bones.surface import Surface
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 _MOST_PEAKS = 6  # to refine; chosen
 _CELL_M = 3e-3  # chosen: the votes of a rough MRI head scatter by about as much
@@ -105,21 +104,22 @@ def refine_sphere(
     about = _Around.of(surface, centre, radius + limit)
     for step in range(_SPHERE_STEPS):
         about = about.widen(surface, centre, radius + limit)
-        offset = about.smooth - centre
+        chosen = about.part
+        offset = chosen.smooth - centre
         distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", offset, offset)), 1e-9)
-        facing = sign * np.einsum("ij,ij->i", offset, about.normals) / distance
+        facing = sign * np.einsum("ij,ij->i", offset, chosen.normals) / distance
         gap = distance - radius
         near = (np.abs(gap) < limit) & (facing > _ALIGNED)
         if int(near.sum()) < _FEWEST:
             return None
         weight = (1.0 - (gap[near] / limit) ** 2) ** 2
-        fit = shapes.fit_sphere(about.points[near], weight * about.areas[near], start=centre)
+        fit = shapes.fit_sphere(chosen.points[near], weight * chosen.areas[near], start=centre)
         moved = float(np.linalg.norm(fit.centre - centre)) + abs(fit.radius - radius)
         if not fit.converged or moved > 0.5 * radius:
             return None
         centre, radius = fit.centre, fit.radius
         values = np.abs(gap[near])
-        weights = about.areas[near]
+        weights = chosen.areas[near]
         order = np.argsort(values)
         total = np.cumsum(weights[order])
         scatter = 1.4826 * float(values[order][np.searchsorted(total, 0.5 * total[-1])])
@@ -179,33 +179,19 @@ def measure_stretch(surface: Surface, ball: SphereOnBone) -> tuple[float, Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Around:
-    """The vertices around a place: a sphere is on a small part of a bone.
-
-    ``points``, ``smooth``, ``normals``: (n, 3).
-    """
+    """The vertices around a place: a sphere is on a small part of a bone."""
 
     centre: Array  # (3,), m
     reach: float  # m; no vertex nearer to the centre is missing
     rows: NDArray[np.intp]  # (n,); which vertices of the surface these are
-    points: Array
-    smooth: Array
-    normals: Array
-    areas: Array  # (n,), m2
+    part: Surface  # these vertices
 
     @classmethod
     def of(cls, surface: Surface, centre: Array, reach: float) -> _Around:
         """All vertices nearer than half as far again, so that a centre may move."""
         wide = _ROOM * reach
         rows = np.flatnonzero(((surface.smooth - centre) ** 2).sum(axis=1) < wide**2)
-        return cls(
-            centre=centre,
-            reach=wide,
-            rows=rows,
-            points=surface.points[rows],
-            smooth=surface.smooth[rows],
-            normals=surface.normals[rows],
-            areas=surface.areas[rows],
-        )
+        return cls(centre=centre, reach=wide, rows=rows, part=surface.part(rows))
 
     def widen(self, surface: Surface, centre: Array, reach: float) -> _Around:
         """The same where it holds all vertices within reach of a centre, else anew."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.tree import cross
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.intp]
 
 _GRID = 2**21 - 1  # three such coordinates fit one 64-bit number; a 0.5 m bone is resolved to 0.25 um

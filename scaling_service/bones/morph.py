@@ -10,12 +10,12 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.bones.results import MeshRefused
+from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Bone
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-Array = NDArray[np.float64]
 
 _PLACES = 300  # chosen: of each surface, some 15 mm apart on a femur
 _STAGES = ((1e6, 20), (1.0, 10), (0.1, 10), (0.01, 10))

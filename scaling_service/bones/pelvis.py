@@ -14,9 +14,7 @@ from scaling_service.bones import constellation, fits, results
 from scaling_service.bones import deviations as bones_deviations
 from scaling_service.bones import surface as surfaces
 from scaling_service.bones.shapes import span_plane
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from scaling_service.core.arrays import Array, Mask
 
 SOCKET_RADII_M = (0.017, 0.036)  # a socket is 1-3 mm wider than the head in it
 

@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from scaling_service.bones.results import MeshRefused
 from scaling_service.bones.surface import Surface
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 SECOND_BONE = 0.25
 """A separate piece above this share of the main one's area is another bone; chosen: a loose trochanter

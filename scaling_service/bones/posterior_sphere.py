@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from scaling_service.bones.deviations import GRAIN_M
 from scaling_service.bones.surface import Surface
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 _OFF_M = 1e-3
 """How far a facet departs from its sphere; chosen: three persons' rms are 0.3-0.5 mm, and half a voxel."""

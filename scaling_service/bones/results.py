@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 
-Array = NDArray[np.float64]
 Side = Literal["r", "l"]
 
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.bones import cuts
 from scaling_service.bones.pieces import Shank
 from scaling_service.bones.results import MeshRefused, Side
 from scaling_service.bones.surface import Surface
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from scaling_service.core.arrays import Array, Mask
 
 PLATEAU_M = 0.02  # height of the block that holds the plateau: chosen, above the tuberosity
 PLATEAU_WIDTH_M = (0.045, 0.11)  # width of a plateau from a child to a giant; adults have 65-85 mm

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 _MAX_STEPS = 50  # chosen: Gauss-Newton needs 5 to 10 on real bones
 _OPEN = float(np.finfo(float).eps)  # share of the largest eigenvalue that is rounding, times the unknowns

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones import edges, mesh
+from scaling_service.bones.mesh import Faces
 from scaling_service.bones.results import MeshRefused
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.intp]
+from scaling_service.core.arrays import Array
 
 STRAY_SHARE = 0.05
 """Shells below this share of the largest one's area are debris of the segmentation (field experience)."""
@@ -91,7 +90,7 @@ class Surface:
             rims=replace(self.rims, points=self.rims.points @ R),
         )
 
-    def part(self, kept: NDArray[np.bool_]) -> Surface:
+    def part(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Surface:
         """Only some vertices; faces go."""
         return replace(
             self,

@@ -11,8 +11,7 @@ from scaling_service.bones import surface as surfaces
 from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line
 from scaling_service.bones.pieces import require_one_bone
 from scaling_service.bones.tibia import TibiaFrame
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 RADII_M = (0.013, 0.032)  # trochleae have radii of 18-25 mm in adults; chosen around them
 

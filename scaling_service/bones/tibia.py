@@ -13,8 +13,7 @@ from scaling_service.bones.cuts import is_cut
 from scaling_service.bones.deviations import TURN, Tip, add_definitions, find_tips
 from scaling_service.bones.fits import SHARP_M, find_spheres
 from scaling_service.bones.shank import ShankPose, find_shank_pose, measure_width
-
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
 
 ANKLE_M = 0.03  # height of the block that holds a malleolus: chosen, above their prominences (12-15 mm)
 

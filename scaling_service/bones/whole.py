@@ -13,10 +13,11 @@ from scaling_service.bones import tibia as tibias
 from scaling_service.bones.femur import find_femur_landmarks
 from scaling_service.bones.pelvis import find_pelvis_landmarks
 from scaling_service.bones.talus import find_talus_landmarks
+from scaling_service.core.arrays import Array
 from scaling_service.model import trial as trials
 from scaling_service.model.body import Vector
 
-Mesh = tuple[results.Array, NDArray[np.integer]]
+Mesh = tuple[Array, NDArray[np.integer]]
 
 BONES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
 """Names of bones, the sides as in the built-in models."""
@@ -379,6 +380,6 @@ def _list_marker_landmarks(
                 yield f"{letter}{marker}", bone, point
 
 
-def _to_vector(point: results.Array) -> Vector:
+def _to_vector(point: Array) -> Vector:
     x, y, z = point.tolist()
     return (x, y, z)

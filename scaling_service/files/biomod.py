@@ -22,9 +22,8 @@ def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> limbs.
     ``muscles``: as for :func:`write_mjcf`.
     ValueError: the model's parameters are not folded into its laws.
     """
-    of_muscles = None if muscles is None else write_muscles(model, muscles)
-    said = [*limbs.list_following(model), *limbs.list_uncarried(model, muscles=of_muscles is None)]
-    said += [] if of_muscles is None else of_muscles.said
+    muscle_lines, of_muscles = ([], []) if muscles is None else write_muscles(model, muscles)
+    said = [*limbs.list_following(model), *limbs.list_uncarried(model, muscles=muscles is None), *of_muscles]
     lines = ["version 4", *(f"// {line}" for line in said), ""]
     lines += [f"gravity {limbs.format_numbers(GRAVITY)}", ""]
     for limb in limbs.list_limbs(model):
@@ -52,7 +51,7 @@ def write_biomod(model: BodyModel, muscles: Musculature | None = None) -> limbs.
             "endmarker",
             "",
         ]
-    lines += [] if of_muscles is None else of_muscles.lines
+    lines += muscle_lines
     return limbs.Skeleton("\n".join(lines), tuple(said))
 
 

@@ -9,7 +9,7 @@ how far that takes their lengths off elsewhere is said.
 from __future__ import annotations
 
 from collections import abc, defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -28,16 +28,8 @@ _LEAST = 1e-12  # of what is divided by
 _Contacts: TypeAlias = abc.Sequence[abc.Sequence[Contact]]  # of one muscle, by pose
 
 
-@dataclass(frozen=True, slots=True)
-class BiomodMuscles:
-    """Muscles as lines of a file, and what is not as in OpenSim, in plain sentences."""
-
-    lines: tuple[str, ...]
-    said: tuple[str, ...]
-
-
-def write_muscles(model: body.BodyModel, muscles: Musculature) -> BiomodMuscles:
-    """All muscles of a model without parameters, as biorbd reads them."""
+def write_muscles(model: body.BodyModel, muscles: Musculature) -> tuple[list[str], list[str]]:
+    """All muscles of a model without parameters: lines that biorbd reads, and what is not as in OpenSim."""
     poses = courses.pose_model(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
     default = np.array([c.default for c in model.coordinates])
     off = np.abs(muscles.q - default) / np.maximum(np.ptp(muscles.q, axis=0), _LEAST)
@@ -50,12 +42,8 @@ def write_muscles(model: body.BodyModel, muscles: Musculature) -> BiomodMuscles:
         contacts = [pose[k] for pose in muscles.contacts]
         points = list(_place_points(muscle, contacts, surfaces, poses, parents, nearest))
         lines += _write_muscle(muscle, points)
-        wrong = float(
-            np.abs(
-                _measure_path(replace(muscle, points=tuple(points)), [], surfaces, poses)
-                - _measure_path(muscle, contacts, surfaces, poses)
-            ).max()
-        )
+        simple = _measure_path(replace(muscle, points=tuple(points)), [], surfaces, poses)
+        wrong = float(np.abs(simple - _measure_path(muscle, contacts, surfaces, poses)).max())
         if wrong > _WORTH_SAYING:
             moving = any(point.segment in parents for point in muscle.points)
             of_points = "points that move" if moving else "points that are passed in part of a range"
@@ -67,7 +55,7 @@ def write_muscles(model: body.BodyModel, muscles: Musculature) -> BiomodMuscles:
     ]
     if muscles.muscles:
         said.append("muscles are biorbd's of type hillthelen, with its curves of force")
-    return BiomodMuscles(tuple(lines), tuple(said))
+    return lines, said
 
 
 def _place_points(
@@ -113,11 +101,7 @@ def _measure_path(
         total += np.where(passed, np.linalg.norm(there - here, axis=1), 0.0)
         here = np.where(passed[:, None], there, here)
         for name in order_surfaces(contacts, number):
-            touches = np.full((3, len(contacts), 3), np.nan)
-            for k, pose in enumerate(contacts):
-                for c in pose:
-                    if c.surface == name and c.after == number:
-                        touches[:, k] = c.first, c.middle, c.last
+            touches = courses.gather_touches(contacts, number, (name,))
             first, middle, last = (poses.to_ground(surfaces[name].segment, each) for each in touches)
             on = np.isfinite(first[:, 0])
             total += np.where(on, np.linalg.norm(first - here, axis=1) + _measure_arc(first, middle, last), 0)

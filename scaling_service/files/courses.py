@@ -77,6 +77,21 @@ def pose_model(model: body.BodyModel, q: Array) -> Poses:
     )
 
 
+def gather_touches(
+    contacts: abc.Sequence[abc.Sequence[muscles.Contact]], number: int, names: abc.Collection[str | None]
+) -> Array:
+    """Where a path first, midway and last touches a surface of some names after one of its points.
+
+    ``contacts``: of one muscle, by pose. (3, n_poses, 3), m; NaN where it does not.
+    """
+    touches = np.full((3, len(contacts), 3), np.nan)
+    for k, pose in enumerate(contacts):
+        for contact in pose:
+            if contact.after == number and contact.surface in names:
+                touches[:, k] = contact.first, contact.middle, contact.last
+    return touches
+
+
 def find_nearest(point: Array, start: Array, stop: Array, *, beyond: bool = False) -> Array:
     """The place on each line from start to stop, (n, 3) each, that is nearest to a point, (3,) or (n, 3).
 

@@ -38,6 +38,7 @@ _ADDED = (
 _MOST_AXES = 6  # that MuJoCo lets a body have
 _SMALLEST = 1e-6
 """kg and kg m2 of a moving body without mass, which MuJoCo refuses. Chosen: some micrograms move nothing."""
+_LEAST = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": limbs.format_numbers([_SMALLEST] * 3)}
 
 
 def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> limbs.Skeleton:
@@ -150,8 +151,7 @@ def _write_body(parent: ET.Element, limb: limbs.Limb, coordinates: dict[str, Coo
             fullinertia=limbs.format_numbers(segment.inertia),
         )
     else:
-        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": limbs.format_numbers([_SMALLEST] * 3)}
-        ET.SubElement(body, "inertial", least)
+        ET.SubElement(body, "inertial", _LEAST)
     for axis, direction, point in reversed(list(limbs.list_axes_at_rest(limb))):
         kind = "hinge" if axis.kind == "rotation" else "slide"
         given = {
@@ -179,8 +179,7 @@ def _add_unmoving(
     for name in dict.fromkeys(str(a.term.coordinate) for a in axes if a.term.coordinate not in leading):
         own = coordinates[name]
         body = ET.SubElement(ground, "body", name=f"value of {name}")
-        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": limbs.format_numbers([_SMALLEST] * 3)}
-        ET.SubElement(body, "inertial", least)
+        ET.SubElement(body, "inertial", _LEAST)
         given = {"name": name, "type": "hinge" if own.kind == "rotation" else "slide", "axis": "0 0 1"}
         if own.clamped and np.isfinite([own.lower, own.upper]).all():
             given["range"] = limbs.format_numbers([own.lower, own.upper])

@@ -161,7 +161,13 @@ def read_columns(rows: list[tables.Line]) -> tuple[str, ...]:
         raise errors.FileUnreadable(
             f"column {cells.index('') + 1} has no name", field=f"line {rows[0][0]}", remedy="Name it"
         )
-    tables.refuse_duplicates(cells, range(1, len(cells) + 1), "column")
+    if len(set(cells)) < len(cells):
+        again, name = next((k, name) for k, name in enumerate(cells) if name in cells[:k])
+        raise errors.FileUnreadable(
+            f"two columns are called '{name}': in columns {cells.index(name) + 1} and {again + 1}",
+            field=name,
+            remedy="Rename or delete one of them in the recording",
+        )
     return ("time", *cells[1:])
 
 

@@ -245,23 +245,6 @@ def separate_duplicates(
     return tuple(names), tuple(repairs)
 
 
-def refuse_duplicates(names: abc.Sequence[str], columns: abc.Sequence[int], kind: str) -> None:
-    """Raise if two columns have one name.
-
-    ``columns``: position of each in the file, from 1, for the message. ``kind``: ``"marker"`` or
-    ``"column"``. Raises FileUnreadable: naming both columns.
-    """
-    first: dict[str, int] = {}
-    for name, column in zip(names, columns, strict=True):
-        if name in first:
-            raise errors.FileUnreadable(
-                f"two {kind}s are called '{name}': in columns {first[name]} and {column}",
-                field=name,
-                remedy="Rename or delete one of them in the recording",
-            )
-        first[name] = column
-
-
 def check_times(times: Array, lines: abc.Sequence[int] | None = None) -> None:
     """Raise unless times are known and increase from row to row.
 

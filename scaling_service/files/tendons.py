@@ -110,11 +110,8 @@ def _make_side(
             (poses.to_segment(surface.segment, poses.to_ground(end.segment, end.at)) - surface.origin) @ axes
             for end in ends
         )
-        touches = np.full((len(contacts), 3), np.nan)
-        for k, pose in enumerate(contacts):
-            for contact in pose:
-                if contact.after == number and contact.surface in (surface.name, surface.of):
-                    touches[k] = (np.array(contact.middle) - surface.origin) @ axes
+        _, middle, _ = courses.gather_touches(contacts, number, (surface.name, surface.of))
+        touches = np.array([(each - surface.origin) @ axes for each in middle])
         side[:2] = _choose_side(start[:, :2], stop[:, :2], touches[:, :2], surface.sizes[0], side[:2])
     return courses.Site(
         name, surface.segment, body.to_vector(surface.origin + axes @ side * _AWAY * surface.sizes[0])
@@ -168,10 +165,14 @@ def _place_between(
     """A site at the middle of the free stretch between two surfaces, in the segment where it moves least."""
     ends = [muscle.points[number], muscle.points[number + 1]]
     firm = [poses.to_ground(end.segment, end.at) for end in ends]
-    touch = [_find_touches(name, number, contacts, surfaces[name], poses) for name in names]
-    known = [np.isfinite(each[0][:, 0]) for each in touch]
-    start = np.where(known[0][:, None], touch[0][1], firm[0])
-    stop = np.where(known[1][:, None], touch[1][0], firm[1])
+    touch = [courses.gather_touches(contacts, number, (name,)) for name in names]
+    known = [np.isfinite(first[:, 0]) for first, _, _ in touch]
+    left, met = (
+        poses.to_ground(surfaces[name].segment, each)
+        for name, each in zip(names, (touch[0][2], touch[1][0]), strict=True)
+    )
+    start = np.where(known[0][:, None], left, firm[0])
+    stop = np.where(known[1][:, None], met, firm[1])
     for k, name in enumerate(names):  # where a surface is left, the place on the line that is nearest to it
         middle = poses.to_ground(surfaces[name].segment, surfaces[name].origin)
         nearest = courses.find_nearest(middle, start, stop)
@@ -195,18 +196,6 @@ def _place_between(
     return courses.Site(name, name, (0.0, 0.0, 0.0)), [
         body.Segment(name=name, parent=segment, joint_name=name, joints=joints)
     ]
-
-
-def _find_touches(
-    name: str, number: int, contacts: Sequence[Sequence[Contact]], surface: WrapSurface, poses: courses.Poses
-) -> tuple[Array, Array]:
-    """First and last touch of a surface in ground, (n_poses, 3) each, m; NaN where there is none."""
-    first, last = np.full((len(contacts), 3), np.nan), np.full((len(contacts), 3), np.nan)
-    for k, pose in enumerate(contacts):
-        for contact in pose:
-            if contact.surface == name and contact.after == number:
-                first[k], last[k] = contact.first, contact.last
-    return poses.to_ground(surface.segment, first), poses.to_ground(surface.segment, last)
 
 
 def _follow(

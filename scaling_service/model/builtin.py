@@ -133,9 +133,6 @@ class GenericPerson(_Entry):
 class _Person(GenericPerson):
     source: str
 
-    def without_source(self) -> GenericPerson:
-        return GenericPerson(sex=self.sex, height_m=self.height_m, mass_kg=self.mass_kg)
-
 
 class _Centre(_Entry):
     at: body.Vector
@@ -215,7 +212,7 @@ def expand(
         first = error.errors(include_url=False)[0]
         field = ".".join(map(str, first["loc"]))
         raise InputError(first["msg"], file=file, field=field, remedy="Correct this key") from None
-    person = written.person.without_source()
+    person = GenericPerson(**written.person.model_dump(exclude={"source"}))
     segments = list(base[0].segments) if base else []
     coordinates = list(base[0].coordinates) if base else []
     markers = [m for m in base[0].markers if m.weight > 0.0] if base else []

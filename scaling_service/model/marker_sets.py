@@ -91,7 +91,7 @@ def _set(name: str, contents: abc.Mapping[str, Any]) -> MarkerSet:
         title=content["title"],
         source=content["source"],
         labels=tuple(_label(*entry) for entry in _list_entries(content)),
-        one_of=tuple(tuple(tuple(group) for group in choice) for choice in content.get("one_of", ())),
+        one_of=tuple(tuple(map(tuple, choice)) for choice in content.get("one_of", ())),
         adds_to_others=content.get("adds_to_others", False),
         key_points=content.get("key_points", False),
     )
@@ -110,10 +110,7 @@ def _label(name: str, side: Side, entry: abc.Mapping[str, Any]) -> SetLabel:
         landmark=None if known is None else known.name,
         segment=entry["segment"] if known is None else known.segment,
         side=side,
-        wand=entry.get("wand", False),
-        plane_of=entry.get("plane_of"),
-        static_only=entry.get("static_only", False),
-        optional=entry.get("optional", False),
+        **{key: said for key, said in entry.items() if key not in ("aliases", "landmark", "segment")},
     )
 
 

@@ -209,7 +209,7 @@ class Trial:
         """The same clock and labels with other positions, and what was done noted."""
         return replace(self, markers=markers, repairs=self.repairs + repairs)
 
-    def relabel(self, names: dict[str, str]) -> Trial:
+    def relabel(self, names: dict[str, str]) -> Self:
         """The labels renamed: ``names`` maps old to new; those not named keep their own."""
         return replace(self, labels=tuple(names.get(label, label) for label in self.labels))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -139,7 +138,7 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
     if not repairs:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
-    return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+    return trial.with_markers(markers, *repairs)
 
 
 def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
@@ -171,7 +170,7 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
         markers[poor[:, k], k] = np.nan
         detail = f"jumps about by some {1e3 * rms:.0f} mm, taken as not seen there"
         repairs.append(Repair("jitter", trial.labels[k], detail, frames=int(poor[:, k].sum()), off=rms))
-    return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+    return trial.with_markers(markers, *repairs)
 
 
 def _find_mostly(flags: arrays.Mask) -> arrays.Mask:
@@ -223,7 +222,7 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     size = float(acceleration[k]) / (2.0 * np.pi * hertz[k]) ** 2
     detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm: the cameras or the floor shake"
     note = Repair("shaking", "all markers", detail, frames=trial.n_frames, off=float(size / np.sqrt(2.0)))
-    return replace(trial, repairs=(*trial.repairs, note))
+    return trial.with_markers(trial.markers, note)
 
 
 def _average_beside(power: arrays.Array) -> arrays.Array:
@@ -264,7 +263,7 @@ def note_uneven(trial: _AnyTrial) -> _AnyTrial:
     off = float(np.sqrt(np.square(more[at]).mean()))
     detail = f"go on by {1e3 * off:.0f} mm at once: pictures are missing or came twice, or a camera was moved"
     note = Repair("uneven", "all markers", detail, frames=int(at.sum()), off=off)
-    return replace(trial, repairs=(*trial.repairs, note))
+    return trial.with_markers(trial.markers, note)
 
 
 def remove_spikes(forces: GroundForces) -> GroundForces:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections import abc
-from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
 
@@ -82,7 +81,7 @@ def mend(trial: _Kind, corrections: abc.Iterable[Relabelling], mirrored: str | N
         markers[..., "xyz".index(mirrored)] *= -1.0
         detail = f"positions mirrored along {mirrored}, as the subject file says"
         made = Repair("mirrored", trial.name, detail, frames=trial.n_frames)
-        trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
+        trial = trial.with_markers(markers, made)
     return exchanged.relabel(trial, corrections)
 
 

@@ -116,7 +116,7 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     detail = f"over {FARTHEST:g} times farther from the other markers than usual, taken as not seen"
     repairs = repair_each(flags, trial.labels, "stray", detail)
     markers = np.where(flags[..., None], np.nan, trial.markers)
-    return dataclasses.replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+    return trial.with_markers(markers, *repairs)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -61,11 +60,8 @@ def choose_repeated(trials: Sequence[_Kind]) -> list[_Kind]:
             if best != name:
                 exchanged = {name: best, best: name}
                 detail = f"the point after it has the name: it lies as {name} does in the other recordings"
-                trial = replace(
-                    trial,
-                    labels=tuple(exchanged.get(label, label) for label in trial.labels),
-                    repairs=(*trial.repairs, Repair("duplicate", name, detail)),
-                )
+                note = Repair("duplicate", name, detail)
+                trial = trial.relabel(exchanged).with_markers(trial.markers, note)
         chosen.append(trial)
     return chosen
 

@@ -153,31 +153,27 @@ def _make_outcome(member: Member, future: Future[Outcome]) -> Outcome:
 def _run_member(member: Member, methods: abc.Sequence[str] | None, settings: Settings) -> Outcome:
     """How one member ends, whatever happens to it; runs in a worker."""
     clock = time.perf_counter()
-
-    def make_outcome(status: Status, reason: str = "", done: Done | None = None) -> Outcome:
-        summary, kept = (None, False) if done is None else (done.summary, done.kept)
-        name = member.name if summary is None else summary.subject
-        wall_s = time.perf_counter() - clock
-        return Outcome(
-            name=name,
-            groups=member.groups,
-            status=status,
-            reason=reason,
-            summary=summary,
-            kept=kept,
-            wall_s=wall_s,
-            shown=member.shown,
-        )
-
+    ended = Outcome(name=member.name, groups=member.groups, status="failed", shown=member.shown)
     try:
         done = member.work(methods, settings, partial(report_stage, member.name))
     except NothingPossible as error:
-        return make_outcome("skipped", error.problem)
+        ended = dataclasses.replace(ended, status="skipped", reason=error.problem)
     except InputError as error:
-        return make_outcome("failed", str(error))
+        ended = dataclasses.replace(ended, reason=str(error))
     except Exception as error:  # noqa: BLE001 (a defect met by one subject must not cost the others)
-        return make_outcome("failed", f"a defect of the program: {type(error).__name__}: {error}")
-    return make_outcome("done", "unchanged since an earlier run" if done.kept else "", done)
+        reason = f"a defect of the program: {type(error).__name__}: {error}"
+        ended = dataclasses.replace(ended, reason=reason)
+    else:
+        reason = "unchanged since an earlier run" if done.kept else ""
+        ended = dataclasses.replace(
+            ended,
+            name=done.summary.subject,
+            status="done",
+            reason=reason,
+            summary=done.summary,
+            kept=done.kept,
+        )
+    return dataclasses.replace(ended, wall_s=time.perf_counter() - clock)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

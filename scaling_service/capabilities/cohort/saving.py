@@ -43,9 +43,7 @@ def save_cohort(
 
 def _list_lengths(summary: summaries.SubjectSummary) -> abc.Iterator[Row]:
     by_method = {name: method.lengths for name, method in summary.methods.items()}
-    for method, lengths in (
-        by_method | ({summaries.TRUTH: summary.true_lengths} if summary.true_lengths else {})
-    ).items():
+    for method, lengths in (by_method | {summaries.TRUTH: summary.true_lengths}).items():
         for segment, length in lengths.items():
             yield {"method": method, "segment": segment, "length_mm": round(1e3 * length, 4)}
 
@@ -140,10 +138,8 @@ def _refuse_foreign(folder: Path, problem: str) -> errors.InputError:
 
 def _has_results(folder: Path, subject: str) -> bool:
     """Whether a subject's results, or nothing, are in a folder."""
-    known = (folder / documents.RECORD).is_file() or _read_content(folder / "comparison.json").get(
-        "subject"
-    ) == subject
-    return known or not any(folder.iterdir())
+    compared = _read_content(folder / "comparison.json").get("subject")
+    return (folder / documents.RECORD).is_file() or compared == subject or not any(folder.iterdir())
 
 
 def _read_content(file: Path) -> abc.Mapping[str, object]:

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from collections import abc
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -24,10 +24,10 @@ from scaling_service.files.mesh import read_mesh
 from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.model import forces as model_forces
-from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.recording import orientation
 from scaling_service.recording.faults import repair_markers
+from scaling_service.recording.findings import list_roles
 from scaling_service.recording.plates import compute_ground_forces
 
 _TABLES = (".csv", ".tsv")
@@ -132,22 +132,8 @@ def make_axes_entry(
 
 def decide_axes(trial: Trial, up: str | None, forward: str | None) -> orientation.Orientation:
     """Which way is up and forward in one recording."""
-    roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
     level = list_level_corners(trial) if isinstance(trial, recording.Recording) else None
-    # Labels whose role no other label has: of two persons nobody knows whose it is.
-    every = list(roles.values())
-    return orientation.decide(
-        trial,
-        roles={label: role for label, role in roles.items() if every.count(role) == 1},
-        up=up,
-        forward=forward,
-        level=level,
-    )
-
-
-Kind = Literal[
-    "recording", "forces", "model", "mesh", "segmentation", "image_markers", "setup", "subject", "other"
-]
+    return orientation.decide(trial, roles=list_roles(trial), up=up, forward=forward, level=level)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -158,7 +144,7 @@ class InputFile:
     """
 
     name: str
-    kind: Kind
+    kind: documents.FileKind
     why: str  # how that was found
     problem: documents.ProblemEntry | None = None  # why it cannot be used
     content: RecordingFile | model_forces.GroundForces | str | abc.Mapping[str, Any] | None = None
@@ -230,7 +216,7 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     return _tell(file, "other", "of no kind that is used here")
 
 
-def _tell(file: Path, kind: Kind, why: str, content: str | None = None) -> InputFile:
+def _tell(file: Path, kind: documents.FileKind, why: str, content: str | None = None) -> InputFile:
     return InputFile(name=file.name, kind=kind, why=why, content=content)
 
 

@@ -11,6 +11,9 @@ from scaling_service.documents import base
 SCHEMA_VERSION = 1
 
 Severity = Literal["error", "warning", "note"]
+FileKind = Literal[
+    "recording", "forces", "model", "mesh", "segmentation", "image_markers", "setup", "subject", "other"
+]
 
 
 class CorrectionEntry(base.Part):
@@ -52,9 +55,7 @@ class FileRole(base.Part):
     """An uploaded file, and what it is for."""
 
     name: str
-    kind: Literal[
-        "recording", "forces", "model", "mesh", "segmentation", "image_markers", "setup", "subject", "other"
-    ]
+    kind: FileKind
     role: str | None = Field(description="Its place in the subject's document, such as `trials.static`.")
     named: bool = Field(description="Whether the document has it there; else it is a proposal.")
     why: str

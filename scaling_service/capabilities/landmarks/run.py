@@ -12,6 +12,7 @@ import numpy as np
 from scaling_service.bones import images, results, whole
 from scaling_service.capabilities.landmarks import result as documents
 from scaling_service.capabilities.subject.reading import hash_file
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing
@@ -134,7 +135,7 @@ def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:
 def _fit(
     shape: Literal["sphere", "cylinder"],
     found: results.Sphere | results.Cylinder,
-    centre: results.Array,
+    centre: Array,
     axis: documents.Vector | None = None,
 ) -> documents.ShapeFit:
     return documents.ShapeFit(
@@ -147,11 +148,11 @@ def _fit(
     )
 
 
-def _to_mm(point: results.Array) -> documents.Vector:
+def _to_mm(point: Array) -> documents.Vector:
     x, y, z = (round(float(value) * _MM, 4) for value in point)
     return x, y, z
 
 
-def _to_unit(direction: results.Array) -> documents.Vector:
+def _to_unit(direction: Array) -> documents.Vector:
     x, y, z = (round(float(value), 8) for value in direction)
     return x, y, z

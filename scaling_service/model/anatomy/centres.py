@@ -277,10 +277,8 @@ def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[s
         leg_length_l=sizes.leg_lengths.get("l"),
         marker_radius=sizes.marker_radius,
     )
-    how, sd = (
-        f"{_TITLES.get(regression, regression)}, {pelvis.source}",
-        REGRESSION_SD_M.get(regression, _OTHER_SD_M),
-    )
+    how = f"{_TITLES.get(regression, regression)}, {pelvis.source}"
+    sd = REGRESSION_SD_M.get(regression, _OTHER_SD_M)
     return {
         f"hip_{side}": Centre(at, how, sd, "regression")
         for side, at in (("r", found.right_ground), ("l", found.left_ground))

@@ -124,20 +124,10 @@ def _draw_size(seed: int, name: str, side: Side, sex: Sex, length: float, spread
     return float(mean + sd * share)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Femur:
-    """A femur's solid, and what is true of it, in the thigh's frame of a right leg, m.
-
-    ``condyles`` are the centres of the medial and the lateral sphere; ``landmarks`` lie on the surface.
-    """
-
-    solid: shapes.Shape
-    condyles: tuple[Array, Array]
-    landmarks: dict[str, Array]
-
-
-def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
-    """Build a right femur.
+def build_femur(
+    shape: LegShape, length: float, axis: Array
+) -> tuple[shapes.Shape, tuple[Array, Array], dict[str, Array]]:
+    """A right femur's solid, the centres of its condyles and its landmarks, in the thigh's frame, m.
 
     ``length`` (m): from hip to knee centre. ``axis`` (3,): unit vector along the knee's true axis, to the
     right.
@@ -186,7 +176,7 @@ def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
         shapes.Part(shapes.make_chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
         shapes.Part(shapes.make_ball(np.zeros(3), shape.head_radius), 3e-3),
     ]
-    return Femur(shapes.join_parts(parts), (medial, lateral), tips)
+    return shapes.join_parts(parts), (medial, lateral), tips
 
 
 def _to_side(shape: LegShape) -> Array:
@@ -248,17 +238,10 @@ class Places:
     fibula_head: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tibia:
-    """Solids of tibia and fibula, and their landmarks, in the shank's frame of a right leg, m."""
-
-    tibia: shapes.Shape
-    fibula: shapes.Shape
-    landmarks: dict[str, Array]
-
-
-def build_tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], places: Places) -> Tibia:
-    """Build a right tibia with its fibula.
+def build_tibia(
+    shape: LegShape, length: float, condyles: tuple[Array, Array], places: Places
+) -> tuple[shapes.Shape, shapes.Shape, dict[str, Array]]:
+    """Solids of a right tibia and its fibula, and their landmarks, in the shank's frame, m.
 
     ``length`` (m): from knee to ankle centre. ``condyles`` (two (3,), m): centres of the femur's medial and
     lateral condyle with the knee straight. ``places``: the tips of the malleoli lie straight below their
@@ -306,7 +289,7 @@ def build_tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], p
         "LM": lateral - [0.0, end, 0.0],
         "FH": np.add(upper, [0.0, head, 0.0]),
     }
-    return Tibia(shapes.join_parts(bone), fibula, landmarks)
+    return shapes.join_parts(bone), fibula, landmarks
 
 
 def _build_column(shape: LegShape, length: float, w: float) -> shapes.Shape:

@@ -61,16 +61,8 @@ _LEFT = np.array([1.0, 1.0, -1.0])
 _SIDES: tuple[leg.Side, leg.Side] = ("r", "l")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HipBone:
-    """The solid of a right hip bone and its landmarks, in the pelvis frame, m."""
-
-    solid: Shape
-    landmarks: dict[str, Array]
-
-
-def build_hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
-    """Build a right hip bone.
+def build_hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> tuple[Shape, dict[str, Array]]:
+    """The solid of a right hip bone and its landmarks, in the pelvis frame, m.
 
     ``hip`` ((3,), m): the hip centre, in the middle of the socket. ``socket`` (m): its radius. ``asis``,
     ``psis`` ((3,), m): the foremost point of the anterior and the rearmost of the posterior spine.
@@ -86,7 +78,7 @@ def build_hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBo
         Part(make_ball(front, SPINE_M * w)),
         Part(make_ball(rear, POSTERIOR_SPINE_M * w)),
     ]
-    return HipBone(join_parts(parts), {"ASIS": asis, "PSIS": psis})
+    return join_parts(parts), {"ASIS": asis, "PSIS": psis}
 
 
 def _build_ilium(front: Array, rear: Array, w: float) -> list[Part]:
@@ -189,10 +181,10 @@ def make_virtual_bones(
     socket = max(shape.head_radius for shape in shapes.values()) + leg.SOCKET_GAP_M
     asis = _find_skin_place(person, "RASIS") - [_measure_depth("ASIS"), 0.0, 0.0]
     psis = np.add(_find_skin_place(person, "RPSIS"), [_measure_depth("PSIS"), 0.0, 0.0])
-    pelvis = build_hip_bone(hip, socket, asis, psis)
-    for name, at in pelvis.landmarks.items():
+    pelvis, spines = build_hip_bone(hip, socket, asis, psis)
+    for name, at in spines.items():
         landmarks |= {f"R{name}": ("pelvis", at), f"L{name}": ("pelvis", at * _LEFT)}
-    right = contour_shape(pelvis.solid, STEP_M)
+    right = contour_shape(pelvis, STEP_M)
     meshes["pelvis"] = _join_surfaces(right, _of_side(right, "l"))
     for side in _SIDES:
         for bone, mesh in _build_leg(person, shapes[side], side, landmarks, report):
@@ -222,9 +214,9 @@ def _build_leg(
     sign = 1.0 if side == "r" else -1.0
     x, y = person.tilts[f"knee_{side}"]
     axis = compute_axis((sign * x, sign * y))
-    thigh = leg.build_femur(shape, lengths[f"femur_{side}"], axis)
+    thigh, condyles, on_thigh = leg.build_femur(shape, lengths[f"femur_{side}"], axis)
     knee = np.array([0.0, lengths[f"femur_{side}"], 0.0])
-    medial, lateral = (centre + knee for centre in thigh.condyles)
+    medial, lateral = (centre + knee for centre in condyles)
     # Under the skin of malleoli and fibula's head, as of a right leg
     outward = np.array([0.0, 0.0, 1.0])
     worn = [_find_skin_place(person, f"{letter}{name}") for name in ("LM", "MM", "FH")]
@@ -234,15 +226,15 @@ def _build_leg(
         inner + _measure_depth("MM") * outward,
         head - _measure_depth("FH") * outward,
     )
-    shank = leg.build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), places)
-    for segment, found in ((f"femur_{side}", thigh.landmarks), (f"tibia_{side}", shank.landmarks)):
+    tibia, fibula, on_shank = leg.build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), places)
+    for segment, found in ((f"femur_{side}", on_thigh), (f"tibia_{side}", on_shank)):
         landmarks |= {
             f"{letter}{name}": (segment, at if side == "r" else at * _LEFT) for name, at in found.items()
         }
     report(f"femur_{side}")
-    yield "femur", _of_side(contour_shape(thigh.solid, STEP_M), side)
+    yield "femur", _of_side(contour_shape(thigh, STEP_M), side)
     report(f"tibia_{side}")
-    both = _join_surfaces(contour_shape(shank.tibia, STEP_M), contour_shape(shank.fibula, STEP_M))
+    both = _join_surfaces(contour_shape(tibia, STEP_M), contour_shape(fibula, STEP_M))
     yield "tibia", _of_side(both, side)
 
 

@@ -21,12 +21,14 @@ from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import solve_motion
 from scaling_service.recording.identity import starts
-from scaling_service.recording.identity.landmarks import STATURE_M, read_body
+from scaling_service.recording.identity.landmarks import MORE, STATURE_M, read_body
 
 _FINE_M = (starts.FIRST_M, 0.06, 0.05, 0.04, 0.04, 0.04)
 _TRIED = 9  # of headings and statures, bent and sized
 _BENT = np.radians(20.0)  # SD of joint angles in standing, beside a marker's 30 mm (chosen)
 _PLACED_M = 0.03
+_PALPATED_M = 0.010  # SD of a marker about its landmark, by hand (della Croce 2005: 6 to 21 mm)
+_MEDIAN_OF_CHI = 1.538  # with three degrees of freedom
 _SIZES = (0.9, 1.1)  # chosen: a segment's size may change by so much a round
 _ADAPTED = 0.5  # chosen: share of what both sides show of a landmark's place that the body takes over
 _ELSEWHERE_M = 0.020  # chosen: a label much farther from its landmark is another one (Welsch's weights)
@@ -196,11 +198,12 @@ def _bend(
             prior=(wanted, pull),
         ).q
         places = trees.pose_markers(tree, q, compiling.list_parameter_values(model))[0]
-        pairs = starts.assign(at, places, names, 2.0 * reach, fixed)
+        rare = _scale_rarity(at, places, pairs) if adapt else starts.RARE_M
+        pairs = starts.assign(at, places, names, 2.0 * reach, fixed, rare)
         adrift = _list_adrift(model, {names[column] for _, column in pairs})
         if adrift:
             far = np.where([[name in adrift] for name in names], np.inf, places)
-            pairs = starts.assign(at, far, names, 2.0 * reach, fixed)
+            pairs = starts.assign(at, far, names, 2.0 * reach, fixed, rare)
         pairs = _pair_the_back(at, _reconcile(model, q, at, pairs, names, fixed), names, places)
         _resize(factors, at, places, names, pairs)
         if adapt:
@@ -224,6 +227,16 @@ def _bend(
     )
 
 
+def _scale_rarity(at: Array, places: Array, pairs: list[tuple[int, int]]) -> float:
+    """How much farther a rarely marked landmark counts, m: its odds are the same, distances tell more.
+
+    They tell as much as the labels lie near their landmarks; half of them within 1.54 SD (chi, 3 degrees).
+    """
+    gaps = [float(np.linalg.norm(at[row] - places[column])) for row, column in pairs]
+    spread = max(_PALPATED_M, float(np.median(gaps)) / _MEDIAN_OF_CHI) if gaps else _PLACED_M
+    return starts.RARE_M * min(1.0, spread / _PLACED_M)
+
+
 def _list_carrying(model: BodyModel, marked: set[str]) -> NDArray[np.bool_]:
     """Which coordinates are free and move segments that bear markers, (n_coordinates,)."""
     carrying, moving = set(marked), set[str]()
@@ -235,13 +248,22 @@ def _list_carrying(model: BodyModel, marked: set[str]) -> NDArray[np.bool_]:
 
 
 def _list_adrift(model: BodyModel, taken: set[str]) -> set[str]:
-    """Landmarks of forearms without an upper arm, and of arms without a trunk: nobody marks those."""
+    """Landmarks of forearms without an upper arm, of arms without a trunk, of feet without an ankle.
+
+    Nobody marks those, nor a foot by nothing but what few laboratories mark.
+    """
     owner = {m.name: m.segment for m in model.markers}
     marked = {owner[name] for name in taken}
     alone = {f"{part}_{s}" for part in ("hand", "ulna") for s in "rl" if f"humerus_{s}" not in marked}
     if "torso" not in marked:
         alone |= {f"{part}_{s}" for part in ("hand", "ulna", "humerus") for s in "rl"}
-    return {name for name, segment in owner.items() if segment in alone}
+    alone |= {f"calcn_{s.lower()}" for s in "RL" if not {f"{s}LM", f"{s}MM"} & taken}
+    common = {owner[name] for name in taken if name[1:] not in MORE}
+    return {
+        name
+        for name, segment in owner.items()
+        if segment in alone or (name[1:] in MORE and segment.startswith("calcn") and segment not in common)
+    }
 
 
 def _adapt(

@@ -44,11 +44,13 @@ _ROUNDS = 8
 _FRAMES = 300  # looked at, equally spaced
 _SPREAD = (10.0, 90.0)  # percentiles: a few bad frames change nothing
 _BENDS = np.radians(25.0)  # chosen: no knee bends forward so far
+_UPRIGHT = ("pelvis", "abdomen", "torso")
 _KNEES = 20.0  # chosen: nats for a body whose knees bend backward, against one whose knees bend forward
 _FEW = 10  # frames in which two labels must be seen together
 MOST_LABELS = 400
 """Chosen: nobody carries more; among more, places say nothing of whose they are."""
 
+_SMALLEST = 1e-12  # of a probability, before its logarithm is taken
 _LANDMARK_M = 0.03  # SD of a label about its landmark on the fitted body (chosen: as the body is fitted)
 
 _WORDS = {
@@ -162,12 +164,12 @@ class _Look:
 def _look(
     at: Array, body: StandingBody, spreads: Array, told: Mapping[int, str], *, chosen: bool = False
 ) -> _Look:
-    """Who the labels are if this is the body; once it is ``chosen``, its landmarks are its labels."""
+    """Who the labels are if this is the body; once it is ``chosen``, lying at its landmarks counts, too."""
     marked = {body.segments[name] for name in (*body.taken.values(), *told.values())}
     segments = [s for s in body.ends if s in marked]
     stands = np.column_stack([_measure_apart(at, s, body) for s in segments])
     for row, name in body.taken.items():
-        apart = 0.0 if chosen else float(np.linalg.norm(at[row] - body.places[name]))
+        apart = float(np.linalg.norm(at[row] - body.places[name]))
         own = segments.index(body.segments[name])
         stands[row, own] = min(stands[row, own], apart)
     owners = [segments.index(body.segments[told[k]]) if k in told else None for k in range(len(at))]
@@ -177,6 +179,9 @@ def _look(
     share = _normalise(place, owners)
     square = np.where(np.isfinite(spreads), spreads, 0.0) ** 2
     seen = np.isfinite(spreads).astype(float)
+    if chosen:
+        place = _tell_by_landmarks(place, at, body, segments, told)
+        share = _normalise(place, owners)
     for _ in range(_ROUNDS):
         weight = seen @ share
         moved = (square @ share) / np.maximum(weight, 1e-12)
@@ -189,10 +194,27 @@ def _look(
     return _Look(body, segments, share, float((share * log).sum()))
 
 
+def _tell_by_landmarks(
+    place: Array, at: Array, body: StandingBody, segments: list[str], told: Mapping[int, str]
+) -> Array:
+    """``place`` (n, n_segments), log, with what lying at a landmark tells: it then is the landmark's segment's.
+
+    Malleoli and epicondyles lie at a joint, as near to one segment as to the other, and move with both.
+    """
+    share = _normalise(place, [None] * len(place))
+    for row, name in body.taken.items():
+        if row not in told:
+            there = _weigh_landmark(at, row, name, body)
+            share[row] *= 1.0 - there
+            share[row, segments.index(body.segments[name])] += there
+    return np.asarray(np.log(np.maximum(share, _SMALLEST)))
+
+
 def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequence[trials.Trial]) -> int:
     """Whether the knees bend backward over the movements (1), forward (-1), or neither is seen (0).
 
-    The lowest labels of thigh and shank stand for knee and ankle, the pelvis's labels for the hips.
+    The lowest labels of thigh and shank stand for knee and ankle, the pelvis's labels for the hips; the
+    body's right is the trunk's.
     """
     owner = np.array(look.segments)[look.share.argmax(axis=1)]
     heading = look.body.heading
@@ -201,13 +223,14 @@ def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequ
     for trial in movements:
         shown = np.array([name in trial.labels for name in names])
         placed = shown & np.isfinite(at[:, 1])
-        pelvis = np.flatnonzero((owner == "pelvis") & shown).tolist()
-        if len(pelvis) < 3:
+        pelvis = np.flatnonzero((owner == "pelvis") & placed).tolist()
+        trunk = np.flatnonzero(np.isin(owner, _UPRIGHT) & placed).tolist()
+        if not pelvis or len(trunk) < 3:
             continue
         rows = np.unique(np.linspace(0, trial.n_frames - 1, min(trial.n_frames, _FRAMES)).astype(int))
         paths = {k: trial.position(names[k])[rows] for k in np.flatnonzero(shown).tolist()}
         moving = np.stack([paths[k] for k in pelvis], axis=1)
-        across = fit_rigid(at[pelvis], moving)[0] @ right
+        across = fit_rigid(at[trunk], np.stack([paths[k] for k in trunk], axis=1))[0] @ right
         for side in "rl":
             lowest = [
                 min(on, key=lambda k: at[k, 1])

@@ -21,12 +21,14 @@ MORE: Mapping[str, tuple[str, tuple[float, float, float]]] = {
     "HMED": ("calcn", (-0.040, -0.040, -0.033)),
     "HTOP": ("calcn", (-0.065, -0.005, 0.000)),
     "NAV": ("calcn", (0.045, -0.025, -0.035)),
+    "B1": ("calcn", (0.080, -0.010, -0.020)),
     "B5": ("calcn", (0.060, -0.050, 0.040)),
     "HLX": ("calcn", (0.165, -0.045, -0.020)),
 }
 """Where laboratories put markers beside the model's own, on the right, m in the segment's frame: greater
 trochanter, tuberosity and iliac crest (Rajagopal 2016's bones), a thigh's and a shank's wand, heel,
-navicular, base of the fifth metatarsal and big toe (outline of a foot of .152 of stature, Winter 2009).
+navicular, bases of the first and fifth metatarsal and big toe (outline of a foot of .152 of stature, Winter
+2009; its back half-way along is 64 mm above the floor, Williams and McClay 2000).
 Chosen to 10 mm: they take the labels that lie there from the landmarks beside them."""
 
 _NOT_MARKED = ("L3",)  # of the model's markers: a sacral marker lies as near to it

@@ -23,7 +23,7 @@ _TOPS = (1.05, 1.22, 1.75, 1.92)
 """Stature over the height of all markers: the highest is on the head, a shoulder or an iliac crest, or they
 go from spines to malleoli (Winter 2009: .82, .57 and .57 less .05 of stature)."""
 _STATURES_M = (0.95, 2.15)  # of people who walk: ANSUR II and children from three years on
-_RARE_M = 0.04  # chosen: the landmarks that only some laboratories mark count as so much farther away
+RARE_M = 0.04  # chosen: the landmarks that only some laboratories mark count as so much farther away
 _ANKLES = 0.045  # of stature: malleoli above the floor, where feet have no markers (ANSUR II)
 FEWEST = 6  # labels with which a body can be placed
 
@@ -84,7 +84,12 @@ def place_rigidly(at: Array, stature: float | None, fixed: abc.Mapping[int, str]
 
 
 def assign(
-    at: Array, places: Array, names: list[str], reach: float, fixed: abc.Mapping[int, str]
+    at: Array,
+    places: Array,
+    names: list[str],
+    reach: float,
+    fixed: abc.Mapping[int, str],
+    rare: float = RARE_M,
 ) -> list[tuple[int, int]]:
     """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``.
 
@@ -92,9 +97,7 @@ def assign(
     method goes over the longer side once for each entry of the shorter one (Crouse 2016).
     """
     squared = np.nan_to_num(((places[:, None] - at[None]) ** 2).sum(axis=2), nan=np.inf)
-    squared = (
-        squared + np.array([_RARE_M**2 if name[1:] in landmarks.MORE else 0.0 for name in names])[:, None]
-    )
+    squared = squared + np.array([rare**2 if name[1:] in landmarks.MORE else 0.0 for name in names])[:, None]
     alone = reach**2
     for column, name in fixed.items():
         row = names.index(name)

@@ -197,9 +197,10 @@ def _look(
 def _tell_by_landmarks(
     place: Array, at: Array, body: StandingBody, segments: list[str], told: Mapping[int, str]
 ) -> Array:
-    """``place`` (n, n_segments), log, with what lying at a landmark tells: it then is the landmark's segment's.
+    """``place`` (n, n_segments), log, with what lying at a landmark tells.
 
-    Malleoli and epicondyles lie at a joint, as near to one segment as to the other, and move with both.
+    It is of the landmark's segment then: malleoli and epicondyles are as near to one segment of their joint as
+    to the other, and move with both.
     """
     share = _normalise(place, [None] * len(place))
     for row, name in body.taken.items():

@@ -199,8 +199,8 @@ def _tell_by_landmarks(
 ) -> Array:
     """``place`` (n, n_segments), log, with what lying at a landmark tells.
 
-    It is of the landmark's segment then: malleoli and epicondyles are as near to one segment of their joint as
-    to the other, and move with both.
+    It is of the landmark's segment then: malleoli and epicondyles are as near to one segment of their joint
+    as to the other, and move with both.
     """
     share = _normalise(place, [None] * len(place))
     for row, name in body.taken.items():

@@ -138,6 +138,12 @@ def test_an_unknown_label_is_found_by_its_place(lab: Path, label: str) -> None:
     assert found.proposal["markers"] == {"RLFE": label}
 
 
+def test_a_label_known_to_mean_something_else_is_no_landmark(lab: Path) -> None:
+    renamed(lab, "S01:RSTL")  # the sustentaculum tali in the sets that are known, wherever it stands
+    knee = next(m for m in proof(lab).markers if m.marker == "RLFE")
+    assert knee.label is None
+
+
 def test_the_laboratorys_map_is_followed(lab: Path) -> None:
     renamed(lab, "M7")
     found = proof(lab, labels={"M7": "RLFE", "never seen": "LLFE"})

@@ -87,8 +87,9 @@ def propose_markers(
             best = _Choice(best.label, AMBIGUOUS, why, best.source)
         taken[marker] = best
         given.add(best.label)
-    # Labels that lie where a landmark is that sizes are measured by, whatever they are called. Others
-    # follow their segment as the standing trial shows them: a heel's marker may be anywhere on the heel.
+    # Labels that lie where a landmark is that sizes are measured by, if their names are not known to mean
+    # anything else: a heel's marker lies near a malleolus that nobody marked. Others follow their segment as
+    # the standing trial shows them: they may be anywhere on it.
     missing = [m for m in wanted if m not in taken]
     placed = {c.label for c in taken.values()}
     landmarks = {
@@ -99,7 +100,9 @@ def propose_markers(
     taken |= {
         landmarks[one.landmark]: _Choice(one.label, one.at_landmark, f"{one.why}: check it", "place")
         for one in who.labels.values()
-        if one.landmark in landmarks and one.label not in placed
+        if one.landmark in landmarks
+        and one.label not in placed
+        and anatomy_markers.look_up_meaning(one.label) is None
     }
     used = {choice.label for choice in taken.values()}
     unused = [label for label in labels if label not in used]

@@ -113,7 +113,7 @@ def make_discovery_document(
         **provenance,
         verdict=verdict,
         headline=headline + worse,
-        tone=words.choose_tone(verdict, effects, worse),
+        tone=words.choose_tone(verdict, effects, found.held_out.whitened, worse),
         reason=found.reason,
         disagreements=list(found.disagreements),
         effects=effects,
@@ -133,7 +133,11 @@ def make_discovery_document(
                 )
                 for e in results.bones.expectations
             ],
-            left_out=list(results.left_out),
+            left_out=[
+                words.describe_place(e.candidate)
+                for e in results.after.effects
+                if e.candidate.name in results.left_out
+            ],
         ),
         start=prepared.start,
         fitted_trials=fitted,

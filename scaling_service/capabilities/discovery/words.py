@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
 
 from scaling_service.capabilities.discovery import document as documents
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.core.names import say_name, say_names, say_place
 from scaling_service.core.text import format_p, list_few
 from scaling_service.documents.base import Tone
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Cell, Row, Table
-from scaling_service.report.words import spell_name, spell_place
 
 LEVELS = (
     ("whitened", "all together", "times what is ordinary"),
@@ -22,6 +24,9 @@ LEVELS = (
 """Fields of a gap, what each is of, and its unit."""
 
 MOST_LINES = 3  # effects that are told in a line each (chosen: as many as are read in a minute)
+Course = Literal["falls", "rises", "stays", "unclear"]
+"""What a gap does, on what was held out if anything was."""
+
 NOTHING = 0.005  # of the squared gap: less is written as 0 %, and stands in no headline
 _LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE, _MOST_LEFT = 4, 3, 12  # chosen: as many as fit a screen; discovery.json has all
@@ -116,7 +121,7 @@ def describe_effect(
     'the person is heavier or lighter than declared'
     """
     place = f"{places}: " if (places := list_places(where)) else ""
-    following = f", here {list_few([spell_name(d) for d in driver])}" if driver else ""
+    following = f", here {say_names(driver)}" if driver else ""
     only = f", in {list_few(trials)} only" if trials else ""
     sizes = ", ".join(format_quantity(name, q, spread=spread) for name, q in parameters.items())
     meaning = find_effects()[kind].meaning
@@ -125,10 +130,10 @@ def describe_effect(
 
 def list_places(where: Sequence[str]) -> str:
     """Where something is, for people; empty of what concerns the whole recording."""
-    return list_few([spell_place(name) for name in where if name not in _WHOLE])
+    return list_few([say_place(name) for name in where if name not in _WHOLE])
 
 
-def describe_place(effect: documents.PlacedEffect) -> str:
+def describe_place(effect: documents.PlacedEffect | Candidate) -> str:
     """An effect in a line: what, where, along with what, in which recording.
 
     Examples
@@ -137,7 +142,7 @@ def describe_place(effect: documents.PlacedEffect) -> str:
     'plate gain at plate 1'
     """
     at = f" at {places}" if (places := list_places(effect.where)) else ""
-    following = f" with {', '.join(map(spell_place, effect.driver))}" if effect.driver else ""
+    following = f" with {', '.join(map(say_name, effect.driver))}" if effect.driver else ""
     only = f" in {', '.join(effect.trials)}" if effect.trials else ""
     said = f" ({effect.note})" if effect.note else ""
     return f"{effect.kind.replace('_', ' ')}{at}{following}{only}{said}"
@@ -225,6 +230,24 @@ def describe_model(document: documents.DiscoveryDocument) -> str:
     return "model as given" if document.start == "none" else f"model scaled by {document.start}"
 
 
+def judge_gap(level: documents.LevelDocument) -> Course:
+    """What a gap does with the named effects, as far as its own interval allows to say so.
+
+    Examples
+    --------
+    >>> judge_gap(documents.LevelDocument(before=2.5, after=1.1, floor=1, ceiling=1, low=0.9, high=1.4))
+    'falls'
+    >>> judge_gap(documents.LevelDocument(before=2.5, after=2.2, floor=1, ceiling=1, low=1.8, high=2.7))
+    'unclear'
+    """
+    before, after = level.before or 0.0, level.after or 0.0
+    if after < before and (level.high or 0.0) < before:
+        return "falls"
+    if (level.low or 0.0) > before:
+        return "rises"
+    return "stays" if format_figures(after) == format_figures(before) else "unclear"
+
+
 def write_headline(
     verdict: str,
     effects: Sequence[documents.EffectDocument],
@@ -260,14 +283,13 @@ def write_headline(
         return said
     before, after = level.before or 0.0, level.after or 0.0
     now, without = format_figures(after), format_figures(before)
-    if after < before and (level.high or 0.0) < before:
-        told = f"falls from {without} to {now} times what is ordinary"
-    elif (level.low or 0.0) > before:
-        told = f"rises from {without} to {now} times what is ordinary"
-    elif now == without:
-        told = f"stays at {now} times what is ordinary"
-    else:
-        told = f"is {now} times what is ordinary, {without} without, which is no clear change"
+    ordinary = "times what is ordinary"
+    told = {
+        "falls": f"falls from {without} to {now} {ordinary}",
+        "rises": f"rises from {without} to {now} {ordinary}",
+        "stays": f"stays at {now} {ordinary}",
+        "unclear": f"is {now} {ordinary}, {without} without, which is no clear change",
+    }[judge_gap(level)]
     if left and before**2 - after**2 < _LITTLE * (before**2 - 1.0):
         most = (
             f"{list_places(left[0].where) or 'no one place'} ({format_figures(left[0].rms)} {left[0].unit})"
@@ -292,11 +314,21 @@ def describe_worse(gap: documents.GapDocument) -> str:
     return f". Worse than before: {', '.join(worse)}" if worse else ""
 
 
-def choose_tone(verdict: str, effects: Sequence[documents.EffectDocument], worse: str) -> Tone:
-    """Whether a headline is good news, as nothing is: not where a size is to doubt or something got worse."""
+def choose_tone(
+    verdict: str,
+    effects: Sequence[documents.EffectDocument],
+    level: documents.LevelDocument | None,
+    worse: str,
+) -> Tone:
+    """Whether a headline is good news, as nothing is.
+
+    Not where the gap's own interval denies that it falls (``level``: the one that the headline tells of),
+    a size is to doubt or something got worse.
+    """
     if verdict == "nothing":
         return "good"
-    return "good" if verdict == "found" and not worse and not list_cautions(effects) else "fair"
+    falls = level is None or judge_gap(level) == "falls"
+    return "good" if verdict == "found" and falls and not worse and not list_cautions(effects) else "fair"
 
 
 def describe_left(document: documents.DiscoveryDocument) -> Iterator[str]:
@@ -314,9 +346,9 @@ def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
     if known is None:
         return
     for expected in known.expectations:
-        names = list_few([spell_name(f) for f in expected.follows])
+        names = say_names(expected.follows)
         yield (
-            f"{spell_name(expected.coordinate)} is expected about the posture in which the markers were "
+            f"{say_name(expected.coordinate)} is expected about the posture in which the markers were "
             f"placed{f', following {names}' if names else ''}, ± {format_figures(expected.sd_deg, 2)} deg "
             f"({expected.source})"
         )
@@ -335,10 +367,14 @@ def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
 
 def describe_hidden(document: documents.DiscoveryDocument) -> list[str]:
     """What a search of a virtual person should have found."""
-    return [
-        f"{describe_place(h)}: {', '.join(f'{name} {value:.3g}' for name, value in h.parameters.items())}"
-        for h in document.hidden or ()
-    ]
+    told = []
+    for hidden in document.hidden or ():
+        numbers = {
+            name: documents.QuantityDocument(value=v, sd=None) for name, v in hidden.parameters.items()
+        }
+        sizes = ", ".join(format_quantity(name, number) for name, number in numbers.items())
+        told.append(f"{describe_place(hidden)}: {sizes}")
+    return told
 
 
 # Tables and the report
@@ -349,7 +385,7 @@ def tabulate_effects(document: documents.DiscoveryDocument) -> Table:
     unseen = "held-out gap" if document.held_out_trials else "gap"
     rows: list[Row] = []
     for effect in document.effects:
-        following = f"\nwith {', '.join(map(spell_place, effect.driver))}" if effect.driver else ""
+        following = f"\nwith {', '.join(map(say_name, effect.driver))}" if effect.driver else ""
         only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
         sizes = [format_quantity(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
         more = [f"and {len(sizes) - _MOST_NUMBERS} more"] if len(sizes) > _MOST_NUMBERS else []

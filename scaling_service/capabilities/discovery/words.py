@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.discovery import document as documents
+from scaling_service.capabilities.discovery import result as documents
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.core.text import format_p, list_few
 from scaling_service.documents.base import Tone

@@ -24,6 +24,9 @@ DOCUMENT = "subject.json"  # under this name a subject's document lies beside it
 PARTS = ".parts.json"
 """Under this name it stands among the inputs how the parts of a job ended; no subject is called so."""
 
+SCENE_VERSION = 1
+"""Raised when a reader of an older scene would misread a newer one; new keys do not raise it."""
+
 _PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
 _MOST_BYTES = 255  # of a name, on the usual file systems
 
@@ -55,6 +58,12 @@ class ArrayEntry(Part):
     shape: list[int]
     unit: str
     overview: Overview | None = Field(default=None, description="There where the table has many frames.")
+
+
+class Scene(Part):
+    """What is drawn over time beside a result, its numbers in tables."""
+
+    schema_version: int = SCENE_VERSION
 
 
 class PlateEntry(Part):

@@ -264,6 +264,26 @@ class MuscleDocument(base.Part):
     notes: list[str] = Field(description="What is not compared, and why.")
 
 
+class MuscleCurve(base.Part):
+    """One muscle's, or joint's, course over one recording by every method."""
+
+    quantity: MuscleQuantity
+    muscle: str = Field(description="Empty for a joint moment.")
+    coordinate: str = Field(description="Empty for a length of muscle and tendon.")
+    trial: str
+    unit: str
+    start_s: float
+    rate_hz: float
+    methods: list[str]
+    values: base.ArrayEntry = Field(description="Frames, methods.")
+
+
+class MuscleScene(base.Scene):
+    """The courses in which methods differ most."""
+
+    curves: list[MuscleCurve]
+
+
 class ComparisonDocument(Provenance):
     """``comparison.json``: all methods."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,12 @@ import yaml
 
 from scaling_service.capabilities.discovery import run as discover_run
 from scaling_service.capabilities.discovery.command import show
-from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
-from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
+from scaling_service.capabilities.discovery.result import (
+    DiscoverResults,
+    DiscoveryDocument,
+    HiddenDocument,
+    PlacedEffect,
+)
 from scaling_service.capabilities.discovery.words import write_headline
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.cli import main
@@ -29,7 +32,7 @@ _ONE = HiddenDocument(kind="marker_swap", where=["LLM", "LMM"], parameters={"sta
 
 @pytest.fixture(scope="module")
 def document() -> DiscoveryDocument:
-    return make_discovery_document(replace(found(), hidden=(_ONE,)), ["model.json"])
+    return found().document.model_copy(update={"hidden": [_ONE], "files": ["model.json"]})
 
 
 def said(document: DiscoveryDocument, capsys: pytest.CaptureFixture[str], *, everything: bool = True) -> str:
@@ -182,8 +185,8 @@ def test_the_demo_searches_what_it_hid(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(discover_run, "run", search)
     results = discover_run.run_hidden_demo(2, SHORT)
-    assert results.hidden is not None
-    assert [h.kind for h in results.hidden] == ["soft_tissue_artefact", "marker_swap"]
+    assert results.document.hidden is not None
+    assert [h.kind for h in results.document.hidden] == ["soft_tissue_artefact", "marker_swap"]
     recorded = given[0].session
     plain = make_virtual_subject(2, SHORT)
     assert recorded.model == plain.model

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
-from scaling_service.capabilities.discovery.search.discover import discover
-from scaling_service.capabilities.discovery.search.findings import Findings
+from scaling_service.capabilities.discovery.search.discover import Discovery, discover
 from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
 from tests.discovery.hidden import person, recorded
@@ -47,12 +46,12 @@ def breathe(trial: Trial) -> Array:
     return np.asarray(trial.markers * (1.0 + 0.02 * np.sin(3.0 * np.pi * trial.times))[:, None, None])
 
 
-def search(misread: Misread) -> Findings:
+def search(misread: Misread) -> Discovery:
     recordings = [
         SearchTrial(one.trial.with_markers(misread(one.trial)), one.role)
         for one in recorded(person(), person().model)
     ]
-    return discover(person().model, recordings).findings
+    return discover(person().model, recordings)
 
 
 @pytest.mark.parametrize(

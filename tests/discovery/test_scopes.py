@@ -24,7 +24,7 @@ def moved(*trials: str) -> list[SearchTrial]:
 
 @pytest.mark.parametrize("trials", [("gait_1", "gait_2"), ("gait_1",), ("gait_2",)])
 def test_a_marker_that_was_stuck_on_again_is_found_in_its_recordings(trials: tuple[str, ...]) -> None:
-    (named,) = discover(person().model, moved(*trials)).findings.named
+    (named,) = discover(person().model, moved(*trials)).named
     assert named.effect.candidate.where == (STUCK,)
     assert named.effect.candidate.trials == trials
     assert 1e3 * np.linalg.norm(named.effect.size) == pytest.approx(np.linalg.norm(MOVED_MM), rel=0.05)

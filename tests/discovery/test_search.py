@@ -34,15 +34,15 @@ def test_a_hidden_effect_is_named(
 ) -> None:
     candidate, truth = hide(kind, *where, driver=driver, numbers=numbers)
     result = found(recorded(person(), truth))
-    (named,) = result.findings.named
-    assert result.findings.verdict == "found"
+    (named,) = result.named
+    assert result.verdict == "found"
     assert named.effect.candidate.name == candidate.name
     for (column, size), spread, number in zip(
         named.effect.columns, np.sqrt(np.diag(named.covariance)), numbers, strict=True
     ):
         value, sd = column.neutral + column.unit * size, column.unit * spread
         assert abs(value - number) < max(4.0 * sd, 0.02 * abs(number) + 0.1 * abs(column.neutral == 0.0))
-    gap = result.findings.held_out
+    gap = result.held_out
     assert gap.whitened is not None
     assert gap.markers_mm is not None
     assert (gap.whitened.after or 0.0) < (gap.whitened.before or 0.0)
@@ -57,7 +57,7 @@ def test_a_hidden_effect_is_named(
 def test_what_is_too_small_to_be_named_is_estimated() -> None:
     _, truth = hide("joint_centre_offset", "hip_r", numbers=(3.0, 0.0, 0.0))
     result = found(recorded(person(), truth))
-    assert not result.findings.named
+    assert not result.named
     where = ("joint_centre_offset", ("hip_r",))
     ((_, size, covariance, _),) = (x for x in result.leanings.each() if (x[0].kind, x[0].where) == where)
     sds = np.sqrt(np.diag(covariance))
@@ -71,8 +71,8 @@ def test_nothing_is_named_where_nothing_is() -> None:
     result = discover(person().model, recordings, progress=lambda _, share: shares.append(share))
     assert shares == sorted(shares)
     assert len(set(shares)) > 3
-    assert not result.findings.named
-    assert result.findings.verdict == "nothing"
+    assert not result.named
+    assert result.verdict == "nothing"
 
 
 def test_exchanged_labels_are_put_back() -> None:
@@ -82,7 +82,7 @@ def test_exchanged_labels_are_put_back() -> None:
     markers = trial.markers.copy()
     markers[50:120, pair] = markers[50:120, pair[::-1]]
     recordings[1] = SearchTrial(trial.with_markers(markers), "fit")
-    (named,) = found(recordings).findings.named
+    (named,) = found(recordings).named
     assert named.effect.candidate.change == Exchange("RLFE", "RMFE", 0.5, 1.19)
     assert named.effect.candidate.trials == ("gait_1",)
 
@@ -94,7 +94,7 @@ def test_what_is_wrong_with_a_recording_stands_before_what_is_likelier() -> None
     markers = trial.markers.copy()
     markers[:, trial.index("LFH"), 1] += 0.02
     recordings[0] = SearchTrial(trial.with_markers(markers), "fit")
-    first, second = found(recordings).findings.named
+    first, second = found(recordings).named
     assert (first.candidate.kind, first.candidate.where) == ("marker_offset", ("LFH",))
     assert second.candidate.kind == "segment_length"
     assert (second.odds, second.gain) > (first.odds, first.gain)
@@ -107,7 +107,7 @@ def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
         markers = r.trial.markers.copy()
         markers[:, r.trial.index("RFH")] += 0.03 * stream.normal(size=(len(markers), 3))
         strayed.append(SearchTrial(r.trial.with_markers(markers), r.role))
-    findings = found(strayed).findings
+    findings = found(strayed)
     assert not findings.named
     assert findings.verdict == "unexplained"
     assert [u.where for u in findings.unexplained] == [["RFH"]]
@@ -122,7 +122,7 @@ def test_a_marker_that_is_stuck_on_elsewhere_half_way_is_said_to_jump(slow: bool
     markers = trial.markers.copy()
     markers[:, trial.index("LASIS"), 1] += 0.03 * (course if slow else course > 0.6)
     recordings[1] = SearchTrial(trial.with_markers(markers), "fit")
-    findings = found(recordings).findings
+    findings = found(recordings)
     said = [u.law for u in findings.unexplained if u.where == ["LASIS"] and "jumps" in u.law]
     assert bool(said) != slow
     if said:
@@ -136,7 +136,7 @@ def test_a_scaled_volume_is_measured() -> None:
         SearchTrial(r.trial.with_markers(r.trial.markers * 1.05), r.role)
         for r in recorded(person(), person().model)
     ]
-    (named,) = found(recordings).findings.named
+    (named,) = found(recordings).named
     assert named.effect.candidate.kind == "capture_scale"
     assert 1.0 + named.effect.size[0] == pytest.approx(1.05, abs=2e-3)
 
@@ -145,9 +145,9 @@ def test_without_a_held_out_trial_all_are_told_to_fit() -> None:
     _, truth = hide("segment_length", "tibia_r", numbers=(1.1,))
     fitting = [SearchTrial(r.trial, "fit") for r in recorded(person(), truth)]
     result = found(fitting)
-    assert [n.effect.candidate.kind for n in result.findings.named] == ["segment_length"]
-    assert result.findings.held_out is result.findings.fit
-    assert any("held out" in note for note in result.findings.notes)
+    assert [n.effect.candidate.kind for n in result.named] == ["segment_length"]
+    assert result.held_out is result.fit
+    assert any("held out" in note for note in result.notes)
 
 
 def test_gaps_and_a_marker_never_seen_do_no_harm() -> None:
@@ -169,4 +169,4 @@ def test_gaps_and_a_marker_never_seen_do_no_harm() -> None:
                 r.role,
             )
         )
-    assert found(holed).findings.verdict == "nothing"
+    assert found(holed).verdict == "nothing"

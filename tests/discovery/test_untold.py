@@ -12,8 +12,7 @@ from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.search.discover import discover
-from scaling_service.capabilities.discovery.search.findings import Findings
+from scaling_service.capabilities.discovery.search.discover import Discovery, discover
 from scaling_service.capabilities.discovery.search.searching import DRIFTS
 from scaling_service.capabilities.discovery.start import Prepared, leave_out_untold, prepare
 from scaling_service.capabilities.subject.loading import open_subject
@@ -68,14 +67,14 @@ def test_a_plate_that_needs_another_gain_in_every_recording_has_none(laboratory:
         ground, gain = contacts(r).ground, np.array([factor, 1.0])[:, None]
         ground = replace(ground, force=gain * ground.force, moment=gain * ground.moment)
         made.append(replace(r, contacts=replace(contacts(r), ground=ground)))
-    findings = discover(laboratory.model, made).findings
+    findings = discover(laboratory.model, made)
     assert not findings.named
     (place,) = findings.unexplained
     assert place.where == ["plate_1"]
     assert place.law == "most like plate gain, but " + DRIFTS.partition("but ")[2]
 
 
-def offset(*unsteady: str) -> Findings:
+def offset(*unsteady: str) -> Discovery:
     """What is found of a marker 28 mm off in one recording, the cameras being unsteady in some."""
     _, truth = hide("marker_offset", "RFH", numbers=(20.0, 0.0, 20.0))
     made = []
@@ -84,7 +83,7 @@ def offset(*unsteady: str) -> Findings:
         shaken = Repair("shaking", "all markers", "tremble", off=1e-3)
         repairs = [shaken] if trial.name in unsteady else []
         made.append(SearchTrial(trial.with_markers(trial.markers, *repairs), before.role))
-    return discover(person().model, made).findings
+    return discover(person().model, made)
 
 
 def test_cameras_at_fault_in_one_recording_tell_of_no_marker_in_any() -> None:

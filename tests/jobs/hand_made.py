@@ -6,12 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.document import (
-    GapDocument,
-    LevelDocument,
-    PlaceLevelDocument,
-    Unit,
-)
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
     Column,
@@ -21,7 +15,15 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 )
 from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
-from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
+from scaling_service.capabilities.discovery.result import (
+    DiscoverResults,
+    GapDocument,
+    LevelDocument,
+    PlaceLevelDocument,
+    Unit,
+)
+from scaling_service.capabilities.discovery.search.discover import Discovery
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 
 
 def named(candidate: Candidate, size: list[float], sd: list[float]) -> NamedEffect:
@@ -89,8 +91,8 @@ TOUCH = replace(
 )
 
 
-def findings(*effects: NamedEffect) -> Findings:
-    """With a gap whose numbers are round, and a ceiling that is not known."""
+def search(found: DiscoverResults, *effects: NamedEffect) -> Discovery:
+    """Of the same recordings, with a gap whose numbers are round, and a ceiling that is not known."""
     level = LevelDocument(before=10.0, after=2.0, floor=1.0, ceiling=None, low=1.5, high=2.5)
     force = LevelDocument(before=20.0, after=5.0, floor=4.0, ceiling=10.0, low=4.5, high=5.5)
     moment = LevelDocument(before=3.0, after=1.0, floor=0.5, ceiling=None, low=0.9, high=1.1)
@@ -106,8 +108,7 @@ def findings(*effects: NamedEffect) -> Findings:
         moment_Nm=None,
         places={name: PlaceLevelDocument(**dict(own), unit=unit) for name, (own, unit) in units.items()},
     )
-    return Findings(
-        verdict="found",
+    return Discovery(
         disagreements=(),
         named=effects,
         fit=gap,
@@ -116,4 +117,6 @@ def findings(*effects: NamedEffect) -> Findings:
         unexplained=(),
         reason="enough",
         notes=("a note",),
+        before=found.before,
+        after=found.after,
     )

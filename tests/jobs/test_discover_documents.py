@@ -8,17 +8,18 @@ from typing import Any
 
 import pytest
 
-from scaling_service.capabilities.discovery.document import (
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
+from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN
+from scaling_service.capabilities.discovery.result import (
     DiscoveryDocument,
     LevelDocument,
     QuantityDocument,
     UnexplainedDocument,
 )
-from scaling_service.capabilities.discovery.effects.catalogue import find_effects
-from scaling_service.capabilities.discovery.result import make_discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.telling import make_discovery_document
 from scaling_service.capabilities.discovery.words import choose_tone, format_quantity, write_headline
-from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
+from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, search
 from tests.jobs.hidden_case import found
 
 CONTRACT = {"verdict", "disagreements", "effects", "gap", "tried", "unexplained"}
@@ -34,8 +35,11 @@ KINDS = {
 
 def written(*effects: NamedEffect) -> dict[str, Any]:
     """As it stands in the file."""
-    results = replace(found(), findings=findings(*effects))
-    text = json.dumps(make_discovery_document(results).model_dump(mode="json"), allow_nan=False)
+    results = found()
+    document = make_discovery_document(
+        search(results, *effects), results.prepared, results.bones, (), PLAIN, AS_MEASURED
+    )
+    text = json.dumps(document.model_dump(mode="json"), allow_nan=False)
     content: dict[str, Any] = json.loads(text)
     assert DiscoveryDocument.model_validate(content).model_dump(mode="json") == content
     return content

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
+from scaling_service.capabilities.discovery.result import FILE_NAME, DiscoveryDocument
 from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.discovery.words import summarise
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
@@ -88,7 +88,7 @@ def test_what_an_earlier_search_wrote_goes(tmp_path: Path) -> None:
     """Corrected recordings of another run would be taken for this one's."""
     save_discovery(found(), tmp_path, report=False)
     (tmp_path / "mine.txt").write_text("kept")
-    nothing = replace(found(), after=found().before, findings=replace(found().findings, named=()))
+    nothing = replace(found(), after=found().before)
     save_discovery(nothing, tmp_path, report=False)
     assert not list((tmp_path / "corrected").glob("*"))
     assert (tmp_path / "mine.txt").is_file()

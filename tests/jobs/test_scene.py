@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.discovery.playing import AFTER, BEFORE, write_discovery_scene
-from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
 from scaling_service.capabilities.playback.drawing import find_ends, make_simple_shape, to_glb
+from scaling_service.capabilities.playback.result import BodyEntry, MotionEntry, SceneDocument, SceneTrial
 from scaling_service.capabilities.playback.scene import WHOLE
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import run

@@ -146,6 +146,9 @@ def estimate_consistent(
     say("following the recordings with the model found")
     known: list[motion.ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_balance(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
+    # The classical two steps once more: markers alone are followed, then differentiated
+    followed = [dataclasses.replace(r, motion=inverse_kinematics(now, r.trial)) for r in recordings]
+    anew = [consistent_recording.estimate_classical_motion(now, r, settings) for r in followed]
     return ConsistentResult(
         start=model,
         model=now,
@@ -154,12 +157,7 @@ def estimate_consistent(
             _measure_errors(r, m.rated, m.objectives, m.weight)
             for r, m in zip(recordings, final, strict=True)
         ),
-        predicted=tuple(
-            _measure_unchanged(
-                now, r, consistent_recording.estimate_classical_motion(now, r, settings), settings
-            )
-            for r in (dataclasses.replace(r, motion=inverse_kinematics(now, r.trial)) for r in recordings)
-        ),
+        predicted=tuple(_measure_unchanged(now, r, m, settings) for r, m in zip(followed, anew, strict=True)),
         inertial=inertial,
         factors=factors,
         outer_iterations=len(history),

@@ -98,6 +98,23 @@ class ConsistentDocument(Provenance):
     wall_s: float
 
 
+class WrenchTrial(base.Part):
+    """The ground wrench over one recording, as measured and as motions explain it."""
+
+    start_s: float
+    rate_hz: float
+    components: list[bool] = Field(description="Which of force x, y, z and moment x, y, z count.")
+    wrenches: dict[str, base.ArrayEntry] = Field(
+        description="'measured' and each way, frames, 6: N and N m, in ground axes."
+    )
+
+
+class WrenchScene(base.Scene):
+    """Ground wrenches over time."""
+
+    trials: dict[str, WrenchTrial]
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentResults:
     """What the loop made of a subject."""

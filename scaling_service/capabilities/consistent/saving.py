@@ -14,7 +14,6 @@ from scaling_service.capabilities.consistent.result import ConsistentResults
 from scaling_service.capabilities.dynamics import saving
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
@@ -88,7 +87,9 @@ def tabulate_consistent(
     }
 
 
-def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> playing.WrenchScene:
+def write_wrenches(
+    results: ConsistentResults, outputs: Path, *, brief: bool = False
+) -> documents.WrenchScene:
     """Write ``scene/wrenches.json`` with its tables: the ground wrench measured, and in each way.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -99,13 +100,13 @@ def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = F
         wrenches = {"measured": recording.wrench}
         wrenches |= {way: recording.wrench - tracked.gaps.wrench_gaps for way, tracked in ways.items()}
         times, name = recording.trial.times, recording.name
-        found[name] = playing.WrenchTrial(
+        found[name] = documents.WrenchTrial(
             start_s=float(times[0]),
             rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
             components=[bool(yes) for yes in recording.components],
             wrenches={way: files.write(f"{name}.{way}", each, "N, N m") for way, each in wrenches.items()},
         )
-    document = playing.WrenchScene(trials=found)
+    document = documents.WrenchScene(trials=found)
     writing.write_json(outputs / WRENCHES_FILE, document)
     return document
 

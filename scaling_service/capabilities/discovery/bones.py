@@ -8,13 +8,13 @@ markers were placed, which is where the model fits them best.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import candidates
-from scaling_service.capabilities.discovery.search.findings import Findings
+from scaling_service.capabilities.discovery.models import BoneKnowledge
+from scaling_service.capabilities.discovery.search.discover import Discovery
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track
 from scaling_service.core.names import say_name
@@ -30,28 +30,7 @@ _LEFT_OVER = 1.2  # chosen: times the noise floor, which itself is known to some
 _IMPLAUSIBLE = 3.0  # chosen: deviations off, on average, beyond which the published does not hold here
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BoneKnowledge:
-    """What is added to the model beside the effects."""
-
-    # Marker to what its skin slides along the axes of the segment with flexion, m, beside its place
-    skin: dict[str, tuple[body.Law, body.Law, body.Law]] = field(default_factory=dict)
-    expectations: tuple[body.Expectation, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    def add_to(self, model: body.BodyModel) -> body.BodyModel:
-        """A model with it."""
-        markers = []
-        for marker in model.markers:
-            pairs = zip(
-                marker.laws, self.skin.get(marker.name, (body.Law(), body.Law(), body.Law())), strict=True
-            )
-            x, y, z = (law + more for law, more in pairs)
-            markers.append(replace(marker, laws=(x, y, z)))
-        return replace(model, markers=tuple(markers), expectations=self.expectations)
-
-
-def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, ...]]:
+def without_undetermined(fit: Fit, found: Discovery) -> tuple[Fit, tuple[str, ...]]:
     """The fit without named movements that skin as a whole could as well be, and their names.
 
     A law of skin or a joint set free moves the bones by what markers of a segment do alike, and that is what
@@ -59,7 +38,7 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
     more is left, skin moves there in ways that have no name, and a common part with them. The same holds of
     what cannot be told from such a movement.
     """
-    alike = {named.key: tuple(named.equivalents) for named in findings.named}
+    alike = {named.key: tuple(named.equivalents) for named in found.named}
     left_out = {
         effect.candidate.key: effect.candidate.name
         for effect in fit.effects
@@ -67,7 +46,7 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
             one.follows or isinstance(one.change, candidates.FreeMotion)  # moves from frame to frame
             for one in (effect.candidate, *alike.get(effect.candidate.key, ()))
         )
-        and _measure_left_over(_list_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
+        and _measure_left_over(_list_segments(effect, fit.model), fit.model, found) > _LEFT_OVER
     }
     reduced = fit.without(left_out)
     return reduced, tuple(left_out.values())
@@ -83,10 +62,10 @@ def _list_segments(effect: candidates.Estimate, model: body.BodyModel) -> set[st
     return found
 
 
-def _measure_left_over(segments: set[str], model: body.BodyModel, findings: Findings) -> float:
+def _measure_left_over(segments: set[str], model: body.BodyModel, found: Discovery) -> float:
     """What is left at the markers of some segments, times their noise floor."""
     after = floor = 0.0
-    for gap in (findings.fit, findings.held_out):
+    for gap in (found.fit, found.held_out):
         for name, level in gap.places.items():
             if name in model.marker_names and model.marker(name).segment in segments:
                 after, floor = after + (level.after or 0.0) ** 2, floor + (level.floor or 0.0) ** 2

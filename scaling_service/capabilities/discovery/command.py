@@ -12,7 +12,7 @@ from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import Settings
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.discovery.document import DiscoveryDocument
+    from scaling_service.capabilities.discovery.result import DiscoveryDocument
 
 
 @flags.with_flags
@@ -113,7 +113,7 @@ def find_hidden(out: Path, seed: int, *, report: bool) -> None:
 def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) -> None:
     """The verdict in a sentence and its first effects; ``everything``: all of them, the gap, what is left."""
     from scaling_service.capabilities.discovery import words
-    from scaling_service.capabilities.discovery.document import FILE_NAME
+    from scaling_service.capabilities.discovery.result import FILE_NAME
 
     console, summary = screen.make_console(), words.summarise(document)
     screen.print_subject(console, document, words.describe_model(document))

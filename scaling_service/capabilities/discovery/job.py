@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import Field
 
-from scaling_service.capabilities.discovery.document import DiscoveryDocument
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.result import DiscoveryDocument
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress, report_part

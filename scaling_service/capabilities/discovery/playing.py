@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.playback import scene
-from scaling_service.capabilities.playback.document import SceneDocument
 from scaling_service.capabilities.playback.drawing import coarsen, place_bones
+from scaling_service.capabilities.playback.result import SceneDocument
+from scaling_service.documents.writing import write_json
+from scaling_service.model.body import BodyModel
+from scaling_service.model.results import Motion
 from scaling_service.model.trial import Bone
 
 BEFORE, AFTER = "as given", "with what was named"
@@ -28,26 +29,39 @@ def write_discovery_scene(
     if images is not None and calibration is not None:
         coarse = {segment: coarsen(bone, detail.most_faces) for segment, bone in images.bones.items()}
         bones = place_bones(calibration, coarse)
-    bodies = [
-        scene.Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
-    ]
-    recorded = [
-        scene.Recorded(
-            trial=before.trial,
-            role="calibration" if before.role == "fit" else "evaluation",
-            played=(_play_recording(BEFORE, before), _play_recording(AFTER, after)),
-        )
-        for before, after in pairs
-    ]
-    return scene.write_scene(results.prepared.subject.id, bodies, recorded, None, outputs, detail.most_frames)
+    files = scene.make_files(outputs, detail)
+    document = SceneDocument(
+        subject=results.prepared.subject.id,
+        bodies=[
+            scene.write_body(name, item.task.model, bones, outputs)
+            for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
+        ],
+        trials=[
+            scene.write_trial(
+                before.trial,
+                "calibration" if before.role == "fit" else "evaluation",
+                {BEFORE: _tell_motion(before), AFTER: _tell_motion(after)},
+                files,
+                detail,
+            )
+            for before, after in pairs
+        ],
+        gait=None,
+    )
+    write_json(outputs / scene.FILE_NAME, document)
+    return document
 
 
-def _play_recording(name: str, item: MotionFit) -> scene.Played:
-    return scene.Played(
-        body=name,
-        model=item.task.model,
+def _tell_motion(item: MotionFit) -> tuple[BodyModel, Motion]:
+    """The model as it was followed, and how it moves; all coordinates count as determined."""
+    model = item.task.model
+    motion = Motion(
+        trial=item.name,
+        times=item.times,
+        coordinates=model.coordinate_names,
         q=item.q,
         markers=item.markers,
-        distances=np.linalg.norm(item.residuals, axis=2),
-        estimated=frozenset(item.task.model.coordinate_names),
+        residuals=item.residuals,
+        estimated=model.coordinate_names,
     )
+    return model, motion

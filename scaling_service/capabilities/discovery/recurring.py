@@ -17,12 +17,11 @@ from pydantic import Field
 
 from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery import options, pooling, words
-from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import correct_model, write_corrected_osim
-from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.result import DiscoverResults, QuantityDocument
 from scaling_service.capabilities.discovery.run import USUAL, discover
 from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.discovery.search.leanings import OF_MODELS
@@ -204,7 +203,7 @@ def find_recurring(
         effects=entries,
         persons=_compare(pooled, named, [], left[0], left[-1]) if named else {},
     )
-    context = SearchContext(model=generic, recordings=(), settings=first.search)
+    context = SearchContext(model=generic, recordings=(), settings=first.after.settings)
     return Recurring(document, Fit(context=context, effects=tuple(effects)) if effects else None)
 
 

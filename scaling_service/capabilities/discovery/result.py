@@ -1,38 +1,251 @@
-"""What a search made of a subject's recordings, and ``discovery.json`` of it: mm, degrees, factors."""
+"""What `discover` finds: where simulation and measurement disagree, what was named, what is left."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
-import scipy
+from pydantic import BeforeValidator, Field
 
-from scaling_service.capabilities.discovery import document as documents
-from scaling_service.capabilities.discovery import words
-from scaling_service.capabilities.discovery.bones import BoneKnowledge, measure_slide
-from scaling_service.capabilities.discovery.effects.sizes import cite_source_of_sizes, look_up_usual_sizes
-from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.laws import candidates
-from scaling_service.capabilities.discovery.laws.apply import changes_forces, changes_markers
-from scaling_service.capabilities.discovery.laws.loads import Tilt
-from scaling_service.capabilities.discovery.options import DiscoverSettings
-from scaling_service.capabilities.discovery.search import findings as search_findings
-from scaling_service.capabilities.discovery.search.leanings import Leanings
-from scaling_service.capabilities.discovery.start import Prepared
-from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
-from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
-from scaling_service.model.compile import evaluate_law
+from scaling_service.documents.base import Part, Tone
+from scaling_service.documents.results import Provenance
 
-_MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
-_ESTIMATED = ("segment_mass", "segment_com", "joint_centre_offset", "joint_axis_tilt")
-_TOLD = 0.5  # share of what is not known beforehand that recordings must tell of a number (chosen)
+if TYPE_CHECKING:
+    from scaling_service.capabilities.discovery.evidence.fit import Fit
+    from scaling_service.capabilities.discovery.models import BoneKnowledge
+    from scaling_service.capabilities.discovery.search.leanings import Leanings
+    from scaling_service.capabilities.discovery.start import Prepared
+
+FILE_NAME = "discovery.json"
+
+_FIGURES = 6  # far beyond what any of these numbers is known to
+
+
+def _round_numbers(value: object) -> object:
+    if not isinstance(value, int | float):
+        return value
+    return float(f"{value:.{_FIGURES}g}") if math.isfinite(value) else None
+
+
+Unit = Literal["1", "mm", "N", "N m"]
+Verdict = Literal["found", "nothing", "unexplained"]
+Number = Annotated[float, BeforeValidator(_round_numbers)]
+Known = Annotated[float | None, BeforeValidator(_round_numbers)]
+"""A number, null where there is none."""
+
+
+class PlacedEffect(Part):
+    """An effect of the catalogue at a place."""
+
+    kind: str
+    where: list[str] = Field(description="Markers, segments, joints or plates, or the whole recording.")
+    driver: list[str] = Field(default=[], description="Coordinates that it follows.")
+    # Read from a candidate, too, of which no names mean all
+    trials: Annotated[list[str] | None, BeforeValidator(lambda names: names or None)] = Field(
+        default=None, description="The recordings in which alone it is; null for all."
+    )
+    note: str = ""
+
+
+class DisagreementDocument(Part):
+    """Where the model and the recordings differ before anything was added."""
+
+    where: str
+    observable: Literal["marker", "force", "moment"]
+    unit: Unit
+    rms: Number
+    floor: Known = Field(description="What is ordinary for people, as lively as this person is.")
+    share: Known = Field(description="Of all that stands above what is ordinary.")
+    p: Known = Field(description="Of standing so far above what is ordinary by chance.")
+    trials: dict[str, Number] = Field(description="Recording to its RMS.")
+    when: str
+    along: str
+
+
+class QuantityDocument(Part):
+    """A number of an effect, in the unit of its name; a direction is three numbers."""
+
+    value: Number | tuple[Number, Number, Number]
+    sd: Known = Field(description="Standard deviation; null where it cannot be known.")
+    usual: tuple[Number, Number] | None = Field(
+        default=None, description="What laboratories meet, lowest and highest; null where that is not known."
+    )
+    at_bound: bool = Field(default=False, description="False: the search has no bounds any more.")
+    determined: bool = Field(default=True, description="Whether the recordings tell it at all.")
+
+
+class EvidenceDocument(Part):
+    """What speaks for an effect."""
+
+    gain_held_out: Known = Field(
+        description="Share of the sum of squares of markers, or of forces or moments, that it takes off "
+        "recordings that did not fit it."
+    )
+    log_odds: Known = Field(
+        description="Natural logarithm of the odds that it is there, against what is ordinary for people; "
+        "that it could have been elsewhere is taken into account."
+    )
+    p_family_wise: Known = Field(description="That nothing is there: one less the probability of those odds.")
+    by_blocks: bool = Field(description="Whether no recording was held out, so that the share is of all.")
+    summary: str = Field(default="", description="The same in sentences.")
+
+
+class BeliefDocument(Part):
+    """How far an effect may be believed, in probabilities; those of sign and size hold if it is there."""
+
+    effect: Number = Field(description="That it is there, and not what is ordinary for people.")
+    member: Number = Field(description="That it is this one of its class.")
+    sign: Known = Field(description="That it points this way; null where it has no direction.")
+    size: Known = Field(description="That its size is one that laboratories meet; null where none is known.")
+    summary: str = Field(description="The same in a sentence.")
+    cautions: list[str] = Field(description="Sizes that are implausible.")
+
+
+class EffectDocument(PlacedEffect):
+    """An effect that was named and added to the model, or taken out of the recordings."""
+
+    name: str = Field(description="What it is, in plain English.")
+    carries: bool = Field(
+        default=True, description="Whether it stands in the headline: what takes nothing off does not."
+    )
+    parameters: dict[str, QuantityDocument]
+    smallest_nameable: dict[str, Number] = Field(
+        description="Parameter to the size from which it would be named nine times in ten."
+    )
+    advice: str = Field(default="", description="What to do about it; empty in results of earlier versions.")
+    confusable_with: list[PlacedEffect] = Field(
+        description="What this recording does not tell from it; the answer is then the class."
+    )
+    would_separate: str | None = Field(description="The ordinary movement that would tell them apart.")
+    evidence: EvidenceDocument
+    belief: BeliefDocument | None = Field(default=None, description="Null in results of earlier versions.")
+
+
+class LevelDocument(Part):
+    """RMS before and after, beside what is ordinary for people."""
+
+    before: Known
+    after: Known
+    floor: Known = Field(description="What is ordinary for people, as lively as this person is.")
+    ceiling: Known = Field(description="What is left where everything ordinary takes what it can.")
+    low: Known = Field(description="95 % interval of `after`, over blocks of time.")
+    high: Known
+
+
+class PlaceLevelDocument(LevelDocument):
+    """The same at one marker, or of one component of the wrench."""
+
+    unit: Unit
+
+
+class GapDocument(Part):
+    """The gap of the recordings of one role; null where nothing of the sort was measured."""
+
+    whitened: LevelDocument | None = Field(description="All residuals, each divided by what is ordinary.")
+    markers_mm: LevelDocument | None
+    force_N: LevelDocument | None
+    moment_Nm: LevelDocument | None
+    places: dict[str, PlaceLevelDocument]
+
+
+class BothGaps(Part):
+    """The gap of what was fitted, and of what was not."""
+
+    fit: GapDocument
+    held_out: GapDocument
+
+
+class TriedDocument(PlacedEffect):
+    """The best of what was not named."""
+
+    gain: Known = Field(
+        description="Share of the whitened squares that it alone would take; null where it has no columns."
+    )
+    log_odds: Known = Field(description="As of an effect that was named.")
+    smallest_nameable: dict[str, Number] = Field(
+        description="Sizes, in proportion as it was tried, from which it would be named nine times in ten."
+    )
+
+
+class EstimateDocument(PlacedEffect):
+    """What these recordings say of one thing of the model, named or not, were only that unlike the model."""
+
+    parameters: dict[str, QuantityDocument] = Field(
+        description="By the names of an effect's; `determined`: these recordings tell more than half of it."
+    )
+
+
+class UnexplainedDocument(Part):
+    """What stands out of what is ordinary and matches no effect."""
+
+    where: list[str]
+    observable: Literal["marker", "force", "moment"]
+    unit: Unit
+    law: str = Field(description="What was seen, which coordinate it follows, or which effect it is like.")
+    rms: Number
+    floor: Known
+
+
+class ExpectationDocument(Part):
+    """What is known of a coordinate before markers are seen."""
+
+    coordinate: str
+    at_rest_deg: Number = Field(description="Its mean with the coordinates that it follows at zero.")
+    follows: list[str] = Field(description="Coordinates that its mean follows.")
+    sd_deg: Number
+    source: str
+
+
+class BonesDocument(Part):
+    """What `model.json` holds of the bones beside the effects; `ik` takes all of it."""
+
+    skin_mm: dict[str, Number] = Field(
+        description="Marker to how far its skin is expected to slide over the bone where the knee flexes by "
+        "60 deg, from other people's bones."
+    )
+    expectations: list[ExpectationDocument]
+    left_out: list[str] = Field(
+        description="Named movements that are not in `model.json`: more than these moves the same markers, "
+        "so the recordings do not show where they take the bones."
+    )
+
+
+class HiddenDocument(PlacedEffect):
+    """What was hidden in the recordings of a virtual person."""
+
+    parameters: dict[str, float]
+
+
+class DiscoveryDocument(Provenance):
+    """``discovery.json``."""
+
+    verdict: Verdict
+    headline: str = Field(default="", description="The verdict in one sentence.")
+    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
+    reason: str = Field(description="Why the search stopped.")
+    disagreements: list[DisagreementDocument]
+    effects: list[EffectDocument]
+    gap: BothGaps
+    tried: list[TriedDocument]
+    estimates: list[EstimateDocument] = Field(
+        default=[],
+        description="Masses, centres and axes of the model as these recordings have them, most unlike first.",
+    )
+    unexplained: list[UnexplainedDocument]
+    bones: BonesDocument | None = Field(default=None, description="Null in results of earlier versions.")
+    start: str = Field(description="The method that scaled the model, or 'none'.")
+    fitted_trials: list[str]
+    held_out_trials: list[str] = Field(description="Empty where blocks of time stood in for them.")
+    trials_with_forces: list[str]
+    notes: list[str] = Field(description="What could not be tried or decided, and what was not written.")
+    files: list[str] = Field(description="What was written beside this document.")
+    wall_s: float
+    hidden: list[HiddenDocument] | None = Field(
+        default=None, description="Of a virtual person: what the search should have found."
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
@@ -40,26 +253,12 @@ class DiscoverResults:
     """What a search made of a subject's recordings."""
 
     prepared: Prepared
-    chosen: DiscoverSettings
-    settings: Settings
-    search: DiscoverySettings
-    findings: search_findings.Findings
     before: Fit  # before, after: without and with what was named
     after: Fit
     lasting: Fit  # after, without movements that skin as a whole could as well be
-    left_out: tuple[str, ...]  # the names of these
     bones: BoneKnowledge
-    leanings: Leanings = field(
-        default_factory=Leanings
-    )  # what the recordings say of every effect of the model
-    wall_s: float = 0.0
-    # of a virtual person: what should have been found
-    hidden: Sequence[documents.HiddenDocument] | None = None
-
-    @property
-    def document(self) -> documents.DiscoveryDocument:
-        """``discovery.json`` of it."""
-        return make_discovery_document(self)
+    leanings: Leanings  # what the recordings say of every effect of the model
+    document: DiscoveryDocument  # ``discovery.json``: mm, degrees, factors
 
     @property
     def effects(self) -> ResultTable:
@@ -81,224 +280,3 @@ class DiscoverResults:
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(self.document.headline)}</p>{self.effects._repr_html_()}"
-
-
-def make_discovery_document(
-    results: DiscoverResults, files: Sequence[str] = (), notes: Sequence[str] = ()
-) -> documents.DiscoveryDocument:
-    """``discovery.json``; ``files``: what was written beside it, ``notes``: what writing had to leave out."""
-    prepared, found = results.prepared, results.findings
-    fitted, held_out = (
-        [name for name, role in prepared.roles.items() if role == of] for of in ("fit", "held_out")
-    )
-    effects = [_make_effect(named, results) for named in found.named]
-    effects.sort(key=lambda effect: not effect.carries)
-    verdict = found.verdict
-    if effects and not any(effect.carries for effect in effects):
-        verdict = "unexplained" if found.unexplained else "nothing"
-    headline = words.write_headline(
-        verdict, effects, found.held_out.whitened, found.unexplained, held_out=bool(held_out)
-    )
-    worse = words.describe_worse(found.held_out)
-    provenance = record_provenance(
-        prepared.loaded,
-        prepared.loaded.session.dynamic,
-        results.settings.resolved()
-        | {"discover": results.chosen.resolved(), "search": asdict(results.search)},
-        results.settings.seed,
-    )
-    for name, forces in prepared.forces.items():
-        provenance["repairs"][name] += repair_notes(forces.repairs)
-    return documents.DiscoveryDocument(
-        **provenance,
-        verdict=verdict,
-        headline=headline + worse,
-        tone=words.choose_tone(verdict, effects, found.held_out.whitened, worse),
-        reason=found.reason,
-        disagreements=list(found.disagreements),
-        effects=effects,
-        gap=documents.BothGaps(fit=found.fit, held_out=found.held_out),
-        tried=list(found.tried),
-        estimates=list(_list_estimates(results.leanings)),
-        unexplained=list(found.unexplained),
-        bones=documents.BonesDocument(
-            skin_mm={name: 1e3 * measure_slide(laws) for name, laws in results.bones.skin.items()},
-            expectations=[
-                documents.ExpectationDocument(
-                    coordinate=e.coordinate,
-                    at_rest_deg=math.degrees(evaluate_law(e.law, defaultdict(float))),
-                    follows=[t.coordinate for t in e.law.terms if t.coordinate is not None],
-                    sd_deg=math.degrees(e.sd),
-                    source=e.source,
-                )
-                for e in results.bones.expectations
-            ],
-            left_out=[
-                words.describe_place(e.candidate)
-                for e in results.after.effects
-                if e.candidate.name in results.left_out
-            ],
-        ),
-        start=prepared.start,
-        fitted_trials=fitted,
-        held_out_trials=held_out,
-        trials_with_forces=[r.trial.name for r in prepared.recordings if r.contacts is not None],
-        notes=list(dict.fromkeys((*found.notes, *notes))),
-        files=list(files),
-        wall_s=round(results.wall_s, 3),
-        hidden=None if results.hidden is None else list(results.hidden),
-    )
-
-
-def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:
-    """What is told of single things of the model, the one that is most unlike it first."""
-    posteriors = [one for one in leanings.each() if one[0].kind in _ESTIMATED]
-    posteriors.sort(key=lambda one: -float(one[1] @ np.linalg.solve(one[2], one[1])))
-    for candidate, size, covariance, prior in posteriors:
-        sds = np.sqrt(np.diag(covariance))
-        told = 1.0 - np.square(sds / prior) > _TOLD
-        if told.any():
-            numbers = zip(candidate.columns, size.tolist(), sds.tolist(), told.tolist(), strict=True)
-            yield documents.EstimateDocument(
-                **search_findings.place_candidate(candidate),
-                parameters={
-                    c.name: documents.QuantityDocument(
-                        value=c.neutral + c.unit * value, sd=abs(c.unit) * sd, determined=known
-                    )
-                    for c, value, sd, known in numbers
-                },
-            )
-
-
-def _make_effect(named: search_findings.NamedEffect, results: DiscoverResults) -> documents.EffectDocument:
-    """With every number beside what laboratories meet, how far it may be believed, and what to do."""
-    candidate, member = named.candidate, named.member
-    usual, numbers, sizes, cautions = look_up_usual_sizes(candidate, results.prepared.model), {}, [], []
-    for name, number in _list_quantities(named).items():
-        known = None if isinstance(number.value, tuple) else usual(name)
-        if known is not None and not isinstance(number.value, tuple):
-            sizes.append(known.chance(number.value, number.sd or 0.0))
-            implausible = not known.low <= number.value <= known.high
-            number = documents.QuantityDocument(**dict(number) | {"usual": (known.low, known.high)})
-            if implausible:
-                where = words.list_places(candidate.where)
-                said = ": ".join(filter(None, (where, words.format_quantity(name, number))))
-                met = f"{words.format_figures(known.low)} to {words.format_figures(known.high)} is met"
-                cautions.append(f"{said} is implausible: {met} ({cite_source_of_sizes(candidate.kind)})")
-        numbers[name] = number
-    there, size = search_findings.turn_into_probability(named.odds), min(sizes, default=None)
-    sign = estimate_sign_probability(named.effect.size, named.covariance)
-    own, *others = (
-        documents.PlacedEffect(**search_findings.place_candidate(one))
-        for one in (candidate, *named.equivalents)
-    )
-    as_class = member < words.TOLD_ALONE
-    return documents.EffectDocument(
-        **dict(own),
-        name=words.describe_class([own, *others])
-        if as_class
-        else words.describe_effect(
-            candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
-        ),
-        carries=named.gain >= words.NOTHING,
-        parameters=numbers,
-        smallest_nameable={k: size for k, size in named.smallest.items() if math.isfinite(size)},
-        advice=_advise(named, as_class=as_class, left_out=candidate.name in results.left_out),
-        confusable_with=others,
-        would_separate=named.would_separate or None,
-        evidence=documents.EvidenceDocument(
-            gain_held_out=named.gain,
-            log_odds=named.odds,
-            p_family_wise=1.0 - there,
-            by_blocks=named.by_blocks,
-            summary=words.describe_evidence(
-                named.gain,
-                1.0 - there,
-                by_blocks=named.by_blocks,
-                by_weight=isinstance(candidate.change, candidates.Reweighed),
-            ),
-        ),
-        belief=documents.BeliefDocument(
-            effect=there,
-            member=member,
-            sign=sign,
-            size=size,
-            summary=words.describe_belief(there, member, sign, size),
-            cautions=cautions,
-        ),
-    )
-
-
-def _advise(named: search_findings.NamedEffect, *, as_class: bool, left_out: bool) -> str:
-    """What to do about an effect: where it is mended already, or who has to."""
-    candidate, apart = named.candidate, named.would_separate
-    record = (
-        f" {apart[:1].upper()}{apart[1:]}, recorded as well, would tell it from what is like it."
-        if apart
-        else ""
-    )
-    if as_class:
-        return f"Do not rely on one of them.{record}"
-    if isinstance(candidate.change, candidates.Reweighed):
-        return "Correct the person's mass in the subject file, or the plates' scale." + record
-    if isinstance(candidate.change, candidates.Contact):
-        return f"{candidate.trials[0]}_contact.sto has the force that it must have been." + record
-    if any(isinstance(column.load, Tilt) for column in candidate.columns):
-        return "Level the laboratory's axes by it." + record
-    if changes_markers(candidate) or changes_forces(candidate):
-        return "Use the recordings in corrected/, which are free of it, and mend its cause." + record
-    if left_out:
-        return "It is not in the model: these recordings do not show where it takes the bones." + record
-    if candidate.trials:
-        return f"Use {' and '.join(f'{trial}_model.json' for trial in candidate.trials)} there." + record
-    return "Use model.json, which has it." + record
-
-
-def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
-    """How probable it is that all of it, in the found proportions, points the way that was found.
-
-    None where no number has a deviation. Numbers (k,) and covariance (k, k) count in deviations.
-    """
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known = sd > 0.0
-    if not known.any():
-        return None
-    z, spread = values[known] / sd[known], covariance[np.ix_(known, known)] / np.outer(sd[known], sd[known])
-    length = float(z @ spread @ z)
-    return float(scipy.special.ndtr(z @ z / math.sqrt(length))) if length > 0.0 else 0.5
-
-
-def _list_quantities(named: search_findings.NamedEffect) -> dict[str, documents.QuantityDocument]:
-    """Every number of an effect by its name in the results."""
-    columns = named.effect.candidate.columns
-    names = [column.name for column in columns]
-    units = np.array([column.unit for column in columns])
-    values = np.array([column.neutral for column in columns]) + units * named.effect.size
-    covariance = np.asarray(named.covariance, dtype=float).reshape(len(columns), len(columns))
-    covariance = covariance * np.outer(units, units)
-    if set(_MOMENTS) < set(names):
-        # A carried load's first moments as a place: moments over mass, errors to first order.
-        mass, at = names.index("kg"), [names.index(name) for name in _MOMENTS]
-        kg = float(values[mass])
-        place = values[at] / kg
-        slope = np.zeros((4, len(values)))
-        slope[0, mass] = 1.0
-        slope[[1, 2, 3], at] = 1.0 / kg
-        slope[1:, mass] = -place / kg
-        names, values = ["kg", "x_mm", "y_mm", "z_mm"], np.array([kg, *place])
-        covariance = slope @ covariance @ slope.T
-    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    sds = np.array([named.spreads.get(name, sd) for name, sd in zip(names, sds.tolist(), strict=True)])
-    found = {
-        name: documents.QuantityDocument(
-            value=value, sd=sd if sd > 0.0 else None, determined=sd > 0.0 or not any(sds)
-        )
-        for name, value, sd in zip(names, values.tolist(), sds.tolist(), strict=True)
-    }
-    change = named.effect.candidate.change
-    if isinstance(change, candidates.FreeMotion):
-        found["axis"] = documents.QuantityDocument(value=change.axis, sd=None)
-    for name, value in named.details.items():
-        if math.isfinite(value) and name not in found and not name.startswith("axis_"):
-            found[name] = documents.QuantityDocument(value=value, sd=named.spreads.get(name))
-    return found

@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from scaling_service.capabilities.discovery.bones import learn_bones, without_undetermined
-from scaling_service.capabilities.discovery.document import HiddenDocument
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.result import DiscoverResults, HiddenDocument
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
 from scaling_service.capabilities.discovery.search.naming import Origin
 from scaling_service.capabilities.discovery.start import PLAIN_METHODS, prepare
+from scaling_service.capabilities.discovery.telling import make_discovery_document
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject
@@ -109,22 +109,19 @@ def run(
                 declared_kg=prepared.subject.mass_kg,
             ),
         )
-        fit, left_out = without_undetermined(found.after, found.findings)
-        bones = learn_bones(correct_model(fit), fit)
+        lasting, left_out = without_undetermined(found.after, found)
+        bones = learn_bones(correct_model(lasting), lasting)
     report("done", 1.0)
     return DiscoverResults(
         prepared=prepared,
-        chosen=chosen,
-        settings=settings,
-        search=search,
-        findings=found.findings,
         before=found.before,
         after=found.after,
-        lasting=fit,
-        left_out=left_out,
+        lasting=lasting,
         bones=bones,
         leanings=found.leanings,
-        wall_s=time.perf_counter() - clock,
+        document=make_discovery_document(
+            found, prepared, bones, left_out, chosen, settings, time.perf_counter() - clock
+        ),
     )
 
 
@@ -148,4 +145,4 @@ def run_hidden_demo(
         truth.append(
             HiddenDocument(kind=h.kind, where=where, driver=driver, trials=trials, parameters=parameters)
         )
-    return replace(results, hidden=truth)
+    return replace(results, document=results.document.model_copy(update={"hidden": truth}))

@@ -9,13 +9,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from scaling_service.capabilities.discovery import models
-from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import apply
 from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.playing import write_discovery_scene
-from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
+from scaling_service.capabilities.discovery.result import FILE_NAME, DiscoverResults, DiscoveryDocument
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.discovery.words import describe_hidden, summarise
 from scaling_service.capabilities.kinetics.forces import read_trial_forces, turn_forces
@@ -161,7 +160,12 @@ def save_discovery(
         notes += write_corrected(scratch, results.after, results.prepared)
         notes += write_contacts(scratch, results.after)
         files = sorted(p.relative_to(scratch).as_posix() for p in scratch.rglob("*") if p.is_file())
-        document = make_discovery_document(results, [*files, *([writing.REPORT] if report else [])], notes)
+        document = results.document.model_copy(
+            update={
+                "files": [*files, *([writing.REPORT] if report else [])],
+                "notes": list(dict.fromkeys((*results.document.notes, *notes))),
+            }
+        )
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
-from scaling_service.capabilities.discovery import document as documents
+from scaling_service.capabilities.discovery import result as documents
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.core.names import say_name, say_names, say_place

@@ -203,6 +203,22 @@ class DynamicsDocument(Provenance):
     wall_s: float
 
 
+class ResidualTrial(base.Part):
+    """The residual wrench over one recording."""
+
+    start_s: float
+    rate_hz: float
+    residual: base.ArrayEntry = pydantic.Field(
+        description="Frames, 6: force in N, moment about the root segment's origin in N m, in ground axes."
+    )
+
+
+class ResidualScene(base.Scene):
+    """Residual wrenches over time; frames that do not count are unknown."""
+
+    trials: dict[str, ResidualTrial]
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrialDynamics:
     """One recording's dynamics."""

@@ -12,7 +12,6 @@ from pydantic import BaseModel
 from scaling_service.capabilities.dynamics import result, words
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.tables import ResultTable
@@ -156,7 +155,7 @@ def write_massive_model(
 
 def write_residuals(
     results: result.DynamicsResults, outputs: Path, *, brief: bool = False
-) -> playing.ResidualScene:
+) -> result.ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -166,11 +165,11 @@ def write_residuals(
     for name, trial in results.trials.items():
         times = trial.dynamics.motion.times
         values = np.where(trial.frames[:, None], trial.dynamics.residual, np.nan)
-        found[name] = playing.ResidualTrial(
+        found[name] = result.ResidualTrial(
             start_s=float(times[0]),
             rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
             residual=files.write(f"{name}.residual", values, "N, N m"),
         )
-    document = playing.ResidualScene(trials=found)
+    document = result.ResidualScene(trials=found)
     writing.write_json(outputs / RESIDUALS_FILE, document)
     return document

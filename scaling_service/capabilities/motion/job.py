@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import Field
 
-from scaling_service.capabilities.motion.document import MotionDocument
 from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.result import MotionDocument
 from scaling_service.capabilities.shared import job
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress

@@ -1,31 +1,98 @@
-"""What `ik` finds: motions with their uncertainty in memory."""
+"""What `ik` finds: motions with their uncertainty in memory, and ``ik.json``, which tells of them.
+
+A service describes the document and computes nothing: what computes is imported by who is asked.
+"""
 
 from __future__ import annotations
 
 from collections import abc
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from pydantic import Field
 
-from scaling_service.capabilities.motion import clinical_angles, stops, unshown
-from scaling_service.capabilities.motion import kinematic_error as kinematic_errors
-from scaling_service.capabilities.motion import uncertainty as uncertainties
-from scaling_service.capabilities.motion.document import (
-    CoordinateSummary,
-    KinematicErrorDocument,
-    MotionDocument,
-    TrackedTrialDocument,
-)
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.subject.preparing import Loaded
-from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.tables import MotionTable, ResultTable
-from scaling_service.model import body
-from scaling_service.model import compile as compiling
-from scaling_service.model.results import Motion
+from scaling_service.documents.base import Known, Part, Rounded
+from scaling_service.documents.results import Provenance
 from scaling_service.recording.settings import ProcessingSettings
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
+    from scaling_service.capabilities.motion.kinematic_error import KinematicError
+    from scaling_service.capabilities.motion.uncertainty import CoordinateSd
+    from scaling_service.capabilities.subject.preparing import Loaded
+    from scaling_service.model.body import BodyModel
+    from scaling_service.model.results import Motion
+
+
+class KinematicErrorDocument(Part):
+    """Distances between measured and model markers over one trial, mm; null where it has no marker."""
+
+    mean: Known = Field(description="Over frames and markers.")
+    rms: Known
+    max: Known
+    per_marker: dict[str, Rounded] = Field(description="Marker to mean distance.")
+
+
+class CoordinateSummary(Part):
+    """A coordinate over one trial, in its unit."""
+
+    mean: Rounded
+    mean_sd: Known = Field(
+        description="Standard deviation of the mean, hardly less than a frame's: a misplaced marker is off "
+        "in all. Null where the model's own deviations are not known."
+    )
+    range: Rounded = Field(description="The largest less the least value, what skin adds to it included.")
+
+
+class TrackedTrialDocument(Part):
+    """How a model follows one trial."""
+
+    kinematic_error_mm: KinematicErrorDocument
+    not_determined: list[str] = Field(
+        description="Coordinates that the markers determine in no frame: they stand at their default."
+    )
+    frames_not_determined: dict[str, int] = Field(
+        description="Further coordinates to the number of frames that do not determine them: NaN there."
+    )
+    frames_at_range_end: dict[str, int] = Field(
+        description="Coordinates to the number of frames in which they stand at the end of the model's "
+        "range. It decides there, so their standard deviation is NaN."
+    )
+    marker_noise_mm: dict[str, Rounded] = Field(
+        description="Standard deviation of one coordinate of each marker about the model, from this trial's "
+        "residuals; the standard deviations of the coordinates come from it and from the motion of skin."
+    )
+    rotation_error_deg: dict[str, Rounded] = Field(
+        default={},
+        description="Measured rotation to the RMS angle between it and the model's, mounting included.",
+    )
+    frames: int
+    summary: dict[str, CoordinateSummary] = Field(
+        default={}, description="Of coordinates that are determined in any frame; locked ones apart."
+    )
+
+
+class MotionDocument(Provenance):
+    """``ik.json``."""
+
+    subject: str = Field(default="", description="Empty where recordings were given without a subject.")
+    model: str = Field(description="The model used: a built-in name or a file.")
+    locked: list[str] = Field(description="Coordinates that the model locks; their standard deviation is 0.")
+    units: dict[str, Literal["deg", "m"]] = Field(
+        default={}, description="Coordinate to the unit of its column in `_ik.mot` and `_ik_sd.mot`."
+    )
+    ranges: dict[str, tuple[float, float]] = Field(
+        default={}, description="Coordinates that the model keeps within a range to its ends, in their unit."
+    )
+    axes: str = Field(description="Which laboratory axes were taken for up and forward.")
+    trials: dict[str, TrackedTrialDocument]
+    warnings: list[str]
+    files: list[str] = Field(description="What was written beside this document.")
+    wall_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +100,9 @@ class TrackedTrial:
     """One trial as a model tracks it."""
 
     motion: Motion
-    uncertainty: uncertainties.CoordinateSd
-    error: kinematic_errors.KinematicError
-    angles: clinical_angles.ClinicalAngles | None = (
-        None  # conventional ones with their standard deviations, if asked for
-    )
+    uncertainty: CoordinateSd
+    error: KinematicError
+    angles: ClinicalAngles | None = None  # conventional ones with their standard deviations, if asked for
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -78,6 +143,8 @@ class Tracked:
 
         Raises KeyError: no recording is called so.
         """
+        from scaling_service.capabilities.motion.tables import tabulate_coordinates
+
         tracked = self.trials[trial]
         return tabulate_coordinates(
             trial, tracked.motion, self.loaded.session.model, tracked.uncertainty.sd, system="markers"
@@ -99,6 +166,10 @@ class Tracked:
 
     def make_document(self, files: abc.Sequence[str] = ()) -> MotionDocument:
         """``ik.json``, errors in mm. ``files``: what is written beside it."""
+        from scaling_service.capabilities.motion.stops import describe_stops
+        from scaling_service.capabilities.subject.provenance import record_provenance
+        from scaling_service.model.compile import list_kept_ranges
+
         loaded, session, options = self.loaded, self.loaded.session, self.options
         processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
         settings = options.resolved() | {"processing": processing}
@@ -107,12 +178,12 @@ class Tracked:
             model=Path(session.subject.model).name,
             axes=loaded.axes,
             units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
-            ranges=compiling.list_kept_ranges(session.model),
+            ranges=list_kept_ranges(session.model),
             locked=[c.name for c in session.model.coordinates if c.locked],
             trials={name: make_trial_document(trial, session.model) for name, trial in self.trials.items()},
             warnings=[
                 *session.warnings,
-                *stops.describe_stops(session.model, {n: t.motion for n, t in self.trials.items()}),
+                *describe_stops(session.model, {n: t.motion for n, t in self.trials.items()}),
             ],
             files=list(files),
             wall_s=round(self.wall_s, 3),
@@ -125,9 +196,12 @@ class Tracked:
         return self.errors._repr_html_()
 
 
-def make_trial_document(tracked: TrackedTrial, model: body.BodyModel) -> TrackedTrialDocument:
+def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
     """One trial's part of ``ik.json``."""
+    from scaling_service.capabilities.motion.unshown import list_unshown_names
+
     motion, spread = tracked.motion, tracked.uncertainty
+    unshown = list_unshown_names(motion, model)
     error, summary = tracked.error, dict[str, CoordinateSummary]()
     kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
     for k, name in enumerate(motion.coordinates):
@@ -147,7 +221,7 @@ def make_trial_document(tracked: TrackedTrial, model: body.BodyModel) -> Tracked
             max=1e3 * error.max,
             per_marker={name: 1e3 * value for name, value in error.per_marker.items()},
         ),
-        not_determined=[n for n in motion.coordinates if n in unshown.list_unshown_names(motion, model)],
+        not_determined=[name for name in motion.coordinates if name in unshown],
         frames_not_determined=_count_undetermined(
             motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()
         ),

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion import result, unshown
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
-from scaling_service.capabilities.motion.document import MotionDocument
 from scaling_service.core.arrays import Array
 from scaling_service.documents import writing
 from scaling_service.files import sto
@@ -138,7 +137,7 @@ def write_numbers(path: Path, heads: abc.Sequence[str], rows: abc.Iterable[abc.S
         writer.writerows(rows)
 
 
-def save_motions(tracked: result.Tracked, folder: str | Path) -> MotionDocument:
+def save_motions(tracked: result.Tracked, folder: str | Path) -> result.MotionDocument:
     """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
     Parameters

@@ -1,4 +1,4 @@
-"""All that is needed to play a result back: a document, tables of numbers, and surfaces."""
+"""Writes what a result is played back with: tables of numbers, and surfaces, each told by its entry."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback import drawing
+from scaling_service.capabilities.playback import result as playing
 from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry
-from scaling_service.documents.writing import write_json
 from scaling_service.files import table_files
 from scaling_service.model import compile as compiling
 from scaling_service.model import poses
@@ -21,6 +20,7 @@ from scaling_service.model import trial as trials
 from scaling_service.model.anatomy.lengths import find_joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
+from scaling_service.model.results import Motion
 
 FOLDER = "scene"
 FILE_NAME = f"{FOLDER}/scene.json"
@@ -42,89 +42,26 @@ INSIDE = Detail(most_faces=1_500, most_frames=150)
 of six recordings."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Body:
-    """One model of the person.
+def make_files(outputs: Path, detail: Detail) -> table_files.ArrayFiles:
+    """For the tables of a scene in the folder of a job's files."""
+    return table_files.ArrayFiles(outputs, FOLDER, brief=detail.most_frames is not None)
+
+
+def write_body(
+    name: str, model: BodyModel, bones: abc.Mapping[str, trials.Bone], outputs: Path
+) -> playing.BodyEntry:
+    """One model of the person, its surfaces written into the folder of a job's files.
 
     ``bones``: segment to its bone in the segment's frame, m, with few faces.
     """
-
-    name: str
-    model: BodyModel
-    bones: abc.Mapping[str, trials.Bone] = dataclasses.field(default_factory=dict)
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Played:
-    """How a body moves in a recording.
-
-    ``model``: as it was followed in this recording.
-    ``q``: (n_frames, n_coordinates), rad or m.
-    ``distances`` ((n_frames, n_markers), m): of measured and model marker; NaN where not seen.
-    ``estimated``: coordinates that the recording determines.
-    """
-
-    body: str
-    model: BodyModel
-    q: Array
-    markers: tuple[str, ...]
-    distances: Array
-    estimated: frozenset[str]
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Recorded:
-    """A recording with all bodies in it.
-
-    ``trial``: its labels are the models' marker names.
-    ``role``: 'calibration' or 'evaluation'.
-    ``forces``: in our axes, on their own clock.
-    ``corners``: (n_plates, 4, 3), m.
-    """
-
-    trial: trials.Trial
-    role: Literal["calibration", "evaluation"]
-    played: tuple[Played, ...]
-    forces: GroundForces | None = None
-    corners: Array | None = None
-
-
-def write_scene(
-    subject: str,
-    bodies: abc.Sequence[Body],
-    recorded: abc.Sequence[Recorded],
-    gait: playing.GaitScene | None,
-    outputs: Path,
-    most_frames: int | None = None,
-) -> playing.SceneDocument:
-    """Write ``scene/scene.json`` with its tables and surfaces.
-
-    ``outputs``: the folder of the job's files.
-    ``most_frames``: of a recording; of a longer one every second, third, … frame is kept, in brief.
-    """
-    files = table_files.ArrayFiles(outputs, FOLDER, brief=most_frames is not None)
-    document = playing.SceneDocument(
-        subject=subject,
-        bodies=[_make_body(body, outputs) for body in bodies],
-        trials=[
-            _make_trial(item, files, 1 if most_frames is None else -(-item.trial.n_frames // most_frames))
-            for item in recorded
-        ],
-        gait=gait,
-    )
-    write_json(outputs / FILE_NAME, document)
-    return document
-
-
-def _make_body(body: Body, outputs: Path) -> playing.BodyEntry:
-    model, values = body.model, poses.list_model_values(body.model)
-    found, shapes = drawing.build_surfaces(model, body.bones)
-    name = f"{FOLDER}/{_make_plain_name(body.name)}.glb"
-    (outputs / name).parent.mkdir(parents=True, exist_ok=True)
-    (outputs / name).write_bytes(drawing.to_glb(found))
+    values = poses.list_model_values(model)
+    found, shapes = drawing.build_surfaces(model, bones)
+    file = f"{FOLDER}/{_make_plain_name(name)}.glb"
+    (outputs / file).parent.mkdir(parents=True, exist_ok=True)
+    (outputs / file).write_bytes(drawing.to_glb(found))
     return playing.BodyEntry(
-        name=body.name,
-        bones=name,
+        name=name,
+        bones=file,
         segments=[
             playing.SegmentEntry(name=s.name, parent=s.parent, shape=shapes[s.name]) for s in model.segments
         ],
@@ -149,31 +86,59 @@ def _make_body(body: Body, outputs: Path) -> playing.BodyEntry:
     )
 
 
-def _make_trial(item: Recorded, files: table_files.ArrayFiles, step: int) -> playing.SceneTrial:
-    trial = item.trial
-    labels = tuple(dict.fromkeys(name for played in item.played for name in played.markers))
+def write_trial(
+    trial: trials.Trial,
+    role: Literal["calibration", "evaluation"],
+    followed: abc.Mapping[str, tuple[BodyModel, Motion]],
+    files: table_files.ArrayFiles,
+    detail: Detail,
+    *,
+    forces: GroundForces | None = None,
+    corners: Array | None = None,
+) -> playing.SceneTrial:
+    """A recording with all bodies in it, its tables written.
+
+    ``trial``: its labels are the models' marker names. ``followed``: body to its model, as it was followed
+    in this recording, and how it moves. ``forces``: in our axes, on their own clock. ``corners``:
+    (n_plates, 4, 3), m.
+    """
+    step = 1 if detail.most_frames is None else -(-trial.n_frames // detail.most_frames)
+    labels = tuple(dict.fromkeys(name for _, motion in followed.values() for name in motion.markers))
+    times, sampled = trial.times[::step], dict[str, ArrayEntry]()
+    if forces is not None:
+        courses = {"force": (forces.force, "N"), "pressure": (forces.centre_of_pressure(), "m")}
+        for name, (values, unit) in courses.items():
+            values = table_files.sample_at(forces.times, values, times)
+            sampled[name] = files.write(f"{trial.name}.{name}", values, unit)
     return playing.SceneTrial(
         name=trial.name,
-        role=item.role,
-        frames=-(-trial.n_frames // step),
+        role=role,
+        frames=len(times),
         rate_hz=trial.rate_hz / step,
         start_s=float(trial.times[0]),
         labels=list(labels),
         measured=files.write(f"{trial.name}.measured", trial.select(labels).markers[::step], "m"),
-        motions={p.body: _make_motion(p, labels, trial.name, files, step) for p in item.played},
-        plates=table_files.list_plates(item.forces, item.corners),
-        force=_of_plates(item, files, "N", step),
-        centre_of_pressure=_of_plates(item, files, "m", step),
+        motions={
+            body: _write_motion(f"{trial.name}.{_make_plain_name(body)}", model, motion, labels, files, step)
+            for body, (model, motion) in followed.items()
+        },
+        plates=table_files.list_plates(forces, corners),
+        force=sampled.get("force"),
+        centre_of_pressure=sampled.get("pressure"),
     )
 
 
-def _make_motion(
-    played: Played, labels: tuple[str, ...], trial: str, files: table_files.ArrayFiles, step: int
+def _write_motion(
+    stem: str,
+    model: BodyModel,
+    motion: Motion,
+    labels: tuple[str, ...],
+    files: table_files.ArrayFiles,
+    step: int,
 ) -> playing.MotionEntry:
-    model, q = played.model, played.q[::step]
-    stem = f"{trial}.{_make_plain_name(played.body)}"
-    errors = np.full((len(played.q), len(labels)), np.nan)
-    errors[:, [labels.index(name) for name in played.markers]] = _MM * played.distances
+    q = motion.q[::step]
+    errors = np.full((len(motion.q), len(labels)), np.nan)
+    errors[:, [labels.index(name) for name in motion.markers]] = _MM * motion.distances
     # where frames are left out, the largest error of a stretch stands for it: no moment is missed
     largest = np.fmax.reduceat(errors, np.arange(0, len(errors), step), axis=0)
     turns = np.array([c.kind == "rotation" for c in model.coordinates])
@@ -185,7 +150,7 @@ def _make_motion(
             playing.CoordinateEntry(
                 name=c.name,
                 unit="deg" if c.kind == "rotation" else "m",
-                estimated=c.name in played.estimated,
+                estimated=c.name in motion.estimated,
                 range=ranges.get(c.name),
             )
             for c in model.coordinates
@@ -194,16 +159,6 @@ def _make_motion(
         placed=files.write(f"{stem}.placed", poses.place_markers(model, labels, q), "m")
         if poses.is_gliding(model, labels)
         else None,
-    )
-
-
-def _of_plates(item: Recorded, files: table_files.ArrayFiles, unit: str, step: int) -> ArrayEntry | None:
-    forces, trial = item.forces, item.trial
-    if forces is None:
-        return None
-    name, values = ("force", forces.force) if unit == "N" else ("pressure", forces.centre_of_pressure())
-    return files.write(
-        f"{trial.name}.{name}", table_files.sample_at(forces.times, values, trial.times[::step]), unit
     )
 
 

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.playback import document, drawing, scene
+from scaling_service.capabilities.playback import drawing, scene
+from scaling_service.capabilities.playback import result as playing
 from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import curves
 from scaling_service.capabilities.scaling.muscles.playing import write_muscle_scene
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.documents.writing import write_json
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.trial import Trial
@@ -20,67 +22,59 @@ from scaling_service.recording.plates import compute_ground_forces, orient_force
 
 def write_results_scene(
     results: result.Results, outputs: Path, detail: scene.Detail = scene.WHOLE
-) -> document.SceneDocument:
+) -> playing.SceneDocument:
     """Write the models of all methods in all recordings into the folder of a job's files."""
-    session = results.session
+    session, files = results.session, scene.make_files(outputs, detail)
     images = {} if session.images is None else session.images.bones
     coarse = {segment: drawing.coarsen(bone, detail.most_faces) for segment, bone in images.items()}
-    bodies = [
-        scene.Body(name, scaling.calibration.model, drawing.place_bones(scaling.calibration, coarse))
-        for name, scaling in results.scalings.items()
-    ]
     if results.muscles is not None:
         write_muscle_scene(results.muscles, outputs, brief=detail.most_frames is not None)
-    recorded = []
+    trials = []
     for trial in session.dynamic:
         forces, corners = _prepare_ground(results, trial)
-        played = []
-        for name, scaling in results.scalings.items():
-            motion, model = scaling.motions[trial.name], scaling.calibration.model
-            played.append(
-                scene.Played(
-                    body=name,
-                    model=model,
-                    q=motion.q,
-                    markers=motion.markers,
-                    distances=motion.distances,
-                    estimated=frozenset(motion.estimated),
-                )
-            )
-        recorded.append(
-            scene.Recorded(
-                trial=trial,
-                role="evaluation" if trial.name in results.held_out else "calibration",
-                played=tuple(played),
+        followed = {
+            name: (scaling.calibration.model, scaling.motions[trial.name])
+            for name, scaling in results.scalings.items()
+        }
+        trials.append(
+            scene.write_trial(
+                trial,
+                "evaluation" if trial.name in results.held_out else "calibration",
+                followed,
+                files,
+                detail,
                 forces=forces,
                 corners=corners,
             )
         )
     reference = next(iter(results.scalings))
     found = curves.make_gait_curves(results, reference)
-    return scene.write_scene(
-        session.subject.id,
-        bodies,
-        recorded,
-        document.GaitScene(
+    document = playing.SceneDocument(
+        subject=session.subject.id,
+        bodies=[
+            scene.write_body(name, c.model, drawing.place_bones(c, coarse), outputs)
+            for name, c in ((name, scaling.calibration) for name, scaling in results.scalings.items())
+        ],
+        trials=trials,
+        gait=playing.GaitScene(
             trials=list(found.trials),
             held_out=found.held_out,
             reason=found.reason,
             reference=reference,
             angles={
-                curve.name: document.CycleScene(
+                curve.name: playing.CycleScene(
                     **curve.describe(3),
                     pairs={
-                        name: document.TestEntry(**curves.describe_test(pair))
+                        name: playing.TestEntry(**curves.describe_test(pair))
                         for name, pair in curve.pairs.items()
                     },
                 )
                 for curve in found.curves
             },
         ),
-        outputs,
-        detail.most_frames,
     )
+    write_json(outputs / scene.FILE_NAME, document)
+    return document
 
 
 def _prepare_ground(results: result.Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:

@@ -10,7 +10,10 @@ from anyio.to_thread import current_default_thread_limiter
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.capabilities.playback import document
+from scaling_service.capabilities.consistent.result import WrenchScene
+from scaling_service.capabilities.dynamics.result import ResidualScene
+from scaling_service.capabilities.playback.result import SceneDocument
+from scaling_service.documents.results import MuscleScene
 from scaling_service.documents.service import Problem
 from scaling_service.service.http import (
     contents,
@@ -78,13 +81,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         app,
         service.kinds,
         bodies=(*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS),
-        answers=(
-            Problem,
-            document.SceneDocument,
-            document.ResidualScene,
-            document.WrenchScene,
-            document.MuscleScene,
-        ),
+        answers=(Problem, SceneDocument, ResidualScene, WrenchScene, MuscleScene),
     )
     app.add_middleware(monitoring.RequestMonitor, registry=app.state.registry)
     return app

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import fastapi
 
-from scaling_service.capabilities.discovery.document import QuantityDocument
+from scaling_service.capabilities.discovery.result import QuantityDocument
 from scaling_service.documents import service as contracts
 from scaling_service.service.http import bodies, callers
 from scaling_service.service.http.documentation import describe_json_body

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from scaling_service.capabilities.discovery import result as documents
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
@@ -20,7 +21,7 @@ from scaling_service.capabilities.discovery.evidence.fit import (
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
-from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect, Verdict
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import (
     list_disagreements,
     make_yardstick,
@@ -39,14 +40,28 @@ _NOTHING_MORE = "nothing more stands out of what is ordinary for people"
 _SPENT = "{} effects of one kind were named, the most that are looked for"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Discovery:
     """The whole story, and the two fits between which it goes."""
 
-    findings: Findings
+    disagreements: tuple[documents.DisagreementDocument, ...]  # the largest first
+    named: tuple[NamedEffect, ...]
+    fit: documents.GapDocument
+    held_out: documents.GapDocument  # the same as ``fit`` where no trial was held out
+    tried: tuple[documents.TriedDocument, ...]
+    unexplained: tuple[documents.UnexplainedDocument, ...]
+    reason: str  # why the search stopped
+    notes: tuple[str, ...]  # what could not be tried and why
     before: Fit
     after: Fit
     leanings: Leanings = field(default_factory=Leanings)
+
+    @property
+    def verdict(self) -> documents.Verdict:
+        """Whether anything was named that takes something off the gap, or at least stands out."""
+        if any(named.carries for named in self.named):
+            return "found"
+        return "unexplained" if self.unexplained else "nothing"
 
 
 def discover(
@@ -84,9 +99,9 @@ def discover(
     # Followed alike, so that nothing but what is named lies between the two
     after = search.fit
     before = fit_recordings(context, (), after) if after.effects else after
-    findings = _summarise(search, before, body, forces, notes)
+    found = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
-    return Discovery(findings, before, search.fit, search.join_leanings(body))
+    return found
 
 
 def _summarise(
@@ -95,7 +110,7 @@ def _summarise(
     body: BodyTable,
     forces: tuple[WrenchTable, ForceEvidence] | None,
     notes: Sequence[str],
-) -> Findings:
+) -> Discovery:
     """Where, what, how far the gap closed, and what is left."""
     after, settings = search.fit, search.settings
     yardstick = make_yardstick(body, after, forces)
@@ -103,13 +118,11 @@ def _summarise(
     gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
     named = tuple(sorted((_finish(one, search) for one in search.named), key=_rank))
     unexplained = list_unexplained(search, body, forces, yardstick)
-    verdict: Verdict = "found" if named else "unexplained" if unexplained else "nothing"
     spent = sum(is_of_markers(n.candidate) for n in named) >= settings.most
     taken = {n.key for n in named}
     tried = sorted((o for o in search.tried.items() if o[0] not in taken), key=lambda o: -o[1][0])
     said = ["no trial was held out: what is named was not tried on others"] if folds else []
-    return Findings(
-        verdict=verdict,
+    return Discovery(
         disagreements=list_disagreements(before, yardstick),
         named=named,
         fit=gaps[ROLES[0]],
@@ -118,6 +131,9 @@ def _summarise(
         unexplained=unexplained,
         reason=_SPENT.format(settings.most) if spent else _NOTHING_MORE,
         notes=(*notes, *said),
+        before=before,
+        after=after,
+        leanings=search.join_leanings(body),
     )
 
 

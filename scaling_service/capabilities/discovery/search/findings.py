@@ -1,20 +1,20 @@
-"""What a search found, as frozen values: where, what, how much of the gap closed, what is left."""
+"""An effect that was named, as a frozen value, and the units and words in which places are told."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
-from scaling_service.capabilities.discovery import document
+from scaling_service.capabilities.discovery import words
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.result import Unit
 from scaling_service.core.arrays import Array
 
-Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
-UNITS: Mapping[Observable, tuple[document.Unit, float]] = {
+UNITS: Mapping[Observable, tuple[Unit, float]] = {
     "marker": ("mm", 1e3),
     "force": ("N", 1.0),
     "moment": ("N m", 1.0),
@@ -27,17 +27,6 @@ def classify_place(place: str) -> Observable:
     if place not in COMPONENTS:
         return "marker"
     return "force" if place.startswith("f") else "moment"
-
-
-def place_candidate(candidate: Candidate) -> dict[str, Any]:
-    """A candidate as a kind at a place, as documents have it."""
-    return {
-        "kind": candidate.kind,
-        "where": list(candidate.where),
-        "driver": list(candidate.driver),
-        "trials": list(candidate.trials) or None,
-        "note": candidate.note,
-    }
 
 
 def turn_into_probability(odds: float) -> float:
@@ -76,6 +65,11 @@ class NamedEffect:
         return self.effect.candidate
 
     @property
+    def carries(self) -> bool:
+        """Whether it stands in the headline: what takes nothing off does not."""
+        return self.gain >= words.NOTHING
+
+    @property
     def member(self) -> float:
         """Probability that it is this one of its class."""
         return 1.0 / (1.0 + sum(math.exp(min(odds, 0.0)) for odds in self.equivalents.values()))
@@ -84,18 +78,3 @@ class NamedEffect:
     def key(self) -> str:
         """The candidate's."""
         return self.effect.candidate.key
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Findings:
-    """The whole story."""
-
-    verdict: Verdict
-    disagreements: tuple[document.DisagreementDocument, ...]  # the largest first
-    named: tuple[NamedEffect, ...]
-    fit: document.GapDocument
-    held_out: document.GapDocument  # the same as ``fit`` where no trial was held out
-    tried: tuple[document.TriedDocument, ...]
-    unexplained: tuple[document.UnexplainedDocument, ...]
-    reason: str  # why the search stopped
-    notes: tuple[str, ...]  # what could not be tried and why

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery import document as documents
+from scaling_service.capabilities.discovery import result as documents
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.document import TriedDocument
 from scaling_service.capabilities.discovery.effects import sizes
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.evidence.fit import Fit
@@ -17,7 +16,8 @@ from scaling_service.capabilities.discovery.evidence.settings import DiscoverySe
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate, Seen
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
-from scaling_service.capabilities.discovery.search.findings import NamedEffect, place_candidate
+from scaling_service.capabilities.discovery.result import PlacedEffect, TriedDocument
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
@@ -180,7 +180,7 @@ class Naming:
             s = r.scored
             gain = float("nan") if s is None else float(s.size @ s.information @ s.size) / square
             document = TriedDocument(
-                **place_candidate(r.candidate),
+                **dict(PlacedEffect.model_validate(r.candidate)),
                 gain=gain,
                 log_odds=r.odds,
                 smallest_nameable=self._find_smallest(r),

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.document import UnexplainedDocument
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
+from scaling_service.capabilities.discovery.result import UnexplainedDocument
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
 from scaling_service.capabilities.discovery.search.gaps import (
     Yardstick,

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.scaling.muscles import compare
-from scaling_service.documents.results import MuscleDifference
+from scaling_service.documents import results as documents
 from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles
 
@@ -22,7 +21,7 @@ MOST_CURVES = 6
 
 def write_muscle_scene(
     found: compare.MuscleComparison, outputs: Path, *, brief: bool = False
-) -> playing.MuscleScene:
+) -> documents.MuscleScene:
     """Write ``scene/muscles.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -38,7 +37,7 @@ def write_muscle_scene(
         }
         known = {method: factor * values for method, values in courses.items() if values is not None}
         curves.append(
-            playing.MuscleCurve(
+            documents.MuscleCurve(
                 quantity=each.quantity,
                 muscle=each.muscle,
                 coordinate=each.coordinate,
@@ -50,15 +49,17 @@ def write_muscle_scene(
                 values=files.write(f"muscle_{k}", np.column_stack(list(known.values())), unit),
             )
         )
-    document = playing.MuscleScene(curves=curves)
+    document = documents.MuscleScene(curves=curves)
     write_json(outputs / FILE_NAME, document)
     return document
 
 
-def _list_distinct(differences: abc.Sequence[MuscleDifference]) -> abc.Iterator[MuscleDifference]:
+def _list_distinct(
+    differences: abc.Sequence[documents.MuscleDifference],
+) -> abc.Iterator[documents.MuscleDifference]:
     """Of each quantity the largest of all methods, each muscle and coordinate once."""
     for quantity in compare.UNITS:
-        largest: dict[tuple[str, str], MuscleDifference] = {}
+        largest: dict[tuple[str, str], documents.MuscleDifference] = {}
         of = [each for each in differences if each.quantity == quantity]
         for each in sorted(of, key=lambda each: -abs(each.difference)):
             largest.setdefault((each.muscle, each.coordinate), each)

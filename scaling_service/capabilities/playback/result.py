@@ -1,4 +1,4 @@
-"""Models, recordings and errors as they are played back. Positions are m, X forward, Y up, Z right."""
+"""What is played back: models, recordings and errors. Positions are m, X forward, Y up, Z right."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Literal
 from pydantic import Field
 
 from scaling_service.documents import base
-
-SCHEMA_VERSION = 1
 
 Point = tuple[float, float, float]
 
@@ -123,67 +121,10 @@ class GaitScene(base.Part):
     angles: dict[str, CycleScene]
 
 
-class SceneDocument(base.Part):
+class SceneDocument(base.Scene):
     """All that is needed to play a result back."""
 
-    schema_version: int = SCHEMA_VERSION
     subject: str
     bodies: list[BodyEntry]
     trials: list[SceneTrial]
     gait: GaitScene | None
-
-
-class ResidualTrial(base.Part):
-    """The residual wrench over one recording."""
-
-    start_s: float
-    rate_hz: float
-    residual: base.ArrayEntry = Field(
-        description="Frames, 6: force in N, moment about the root segment's origin in N m, in ground axes."
-    )
-
-
-class ResidualScene(base.Part):
-    """Residual wrenches over time; frames that do not count are unknown."""
-
-    schema_version: int = SCHEMA_VERSION
-    trials: dict[str, ResidualTrial]
-
-
-class WrenchTrial(base.Part):
-    """The ground wrench over one recording, as measured and as motions explain it."""
-
-    start_s: float
-    rate_hz: float
-    components: list[bool] = Field(description="Which of force x, y, z and moment x, y, z count.")
-    wrenches: dict[str, base.ArrayEntry] = Field(
-        description="'measured' and each way, frames, 6: N and N m, in ground axes."
-    )
-
-
-class WrenchScene(base.Part):
-    """Ground wrenches over time."""
-
-    schema_version: int = SCHEMA_VERSION
-    trials: dict[str, WrenchTrial]
-
-
-class MuscleCurve(base.Part):
-    """One muscle's, or joint's, course over one recording by every method."""
-
-    quantity: Literal["moment arm", "length", "joint moment"]
-    muscle: str = Field(description="Empty for a joint moment.")
-    coordinate: str = Field(description="Empty for a length of muscle and tendon.")
-    trial: str
-    unit: str
-    start_s: float
-    rate_hz: float
-    methods: list[str]
-    values: base.ArrayEntry = Field(description="Frames, methods.")
-
-
-class MuscleScene(base.Part):
-    """The courses in which methods differ most."""
-
-    schema_version: int = SCHEMA_VERSION
-    curves: list[MuscleCurve]

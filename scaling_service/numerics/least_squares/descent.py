@@ -162,11 +162,12 @@ def descend(
 
 def _find_done(rows: Rows, settings: Settings, promised: Array, longest: Array) -> Mask:
     """Which rows end with a step of some promise and length, each (n,)."""
-    fallen = promised
+    enough = settings.left * rows.cost + settings.left_over
     if settings.extrapolate:
         before = np.minimum(np.where(rows.failures > 0, 0.0, rows.promised), rows.cost)
-        fallen = np.maximum(before - promised, promised)
-    done = promised**2 <= (settings.left * rows.cost + settings.left_over) * fallen
+        done = promised**2 <= enough * np.maximum(before - promised, promised)
+    else:
+        done = promised <= enough
     return np.asarray(done | (longest <= settings.step_tolerance) | (rows.damping >= settings.rule.lost))
 
 

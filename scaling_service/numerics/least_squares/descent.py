@@ -64,7 +64,9 @@ class Settings:
     left: float
     left_over: float = 0.0
     extrapolate: bool = False
-    last: bool = True  # whether that step is still taken, unchecked
+    # Whether only checked steps are taken: not the one with which a row ends, too small to matter, but the last
+    # one of a row that runs out of steps
+    checked: bool = False
     step_tolerance: float = 0.0  # or when no unknown moves by more than this
     halvings: int = 0  # times that a step which raised the cost is halved before it is given up
     quorum: float = 1.0  # share of the rows that must have converged; the others may then stay behind
@@ -124,12 +126,8 @@ def descend(
     """
     n, going = len(x), np.arange(len(x))
     x, cost, at = task.measure(x)
-    found, ended, steps, converged = (
-        x.copy(),
-        cost.copy(),
-        np.zeros(n, dtype=np.intp),
-        np.zeros(n, dtype=bool),
-    )
+    found, ended = x.copy(), cost.copy()
+    steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
     rows = Rows(
         cost=cost,
         damping=np.full(n, settings.damping),
@@ -137,26 +135,29 @@ def descend(
         near=np.full(n, close),
         failures=np.zeros(n, dtype=np.intp),
     )
+    number = 0
     for number in range(1, settings.max_steps + 1):
         trial, promised = task.step(x, at, rows)
         done = _find_done(rows, settings, promised, np.abs(trial - x).max(axis=1, initial=0.0))
-        if done.any() or number == settings.max_steps:
-            # A last step is too small to be worth a check; a row that just failed stays where it is.
-            taken = done & (rows.failures == 0) & settings.last
+        known: At | None = at
+        if done.any():
+            # A row that just failed stays where it is.
+            taken = done & (rows.failures == 0) & (not settings.checked)
             found[going] = np.where(taken[:, None], trial, x)
             ended[going] = np.where(taken, rows.cost - promised, rows.cost)
             steps[going], converged[going] = number, done
-            left = np.flatnonzero(~done)
-            if len(left) <= (1.0 - settings.quorum) * n or number == settings.max_steps:
-                break
+            left, known = np.flatnonzero(~done), None
             going, x, trial, promised = going[left], x[left], trial[left], promised[left]
             task, rows = task.take(left), rows.take(left)
-        known = None if done.any() else at
+        over = number == settings.max_steps and not settings.checked
+        if over or len(going) <= (1.0 - settings.quorum) * n:
+            break
         rows.near = (promised < NEAR * rows.cost) & (rows.failures == 0)
         rows.promised = promised
         x, at = _advance(task, x, trial, rows, settings, known)
         if progress is not None and not rows.failures.all():
             progress(number, float(rows.cost.sum()))
+    found[going], ended[going], steps[going] = x, rows.cost, number
     return Descent(found, ended, steps, converged)
 
 

@@ -67,7 +67,7 @@ def solve(
     q, p = clip_to_bounds(problem, q0.copy(), (p0 if start is None else start).copy())
     damping = np.full(problem.n_frames, settings.damping)
     task = _Bordered(problem=problem, p0=p0, rule=settings.rule, damping=damping)
-    how = replace(settings, rule=_SHARED, last=False)
+    how = replace(settings, rule=_SHARED, checked=True)
     found = descend(task, np.concatenate([q.ravel(), p])[None], how, progress=progress)
     q, p = task.part(found.x)
     return Solution(

@@ -37,16 +37,20 @@ class Damping:
     # (Nielsen 1999)
     by_gain: bool = False
 
-    def adapt(self, damping: Array, failures: NDArray[np.intp], kept: Array) -> Array:
+    def adapt(self, damping: Array, failures: NDArray[np.intp], fell: Array, promised: Array) -> Array:
         """The damping (n,) of the next step, after so many failures in a row.
 
-        ``kept`` (n,): the share of its promise that the step kept.
+        ``fell``, ``promised`` (n,): by how much the step lowered the cost, and what it promised.
         """
-        ease, tighten = np.full(len(damping), self.ease), np.full(len(damping), self.tighten)
+        ease: float | Array = self.ease
+        tighten: float | Array = self.tighten
         if self.by_gain:
-            ease = np.maximum(ease, 1.0 - (2.0 * np.minimum(kept, 1.5) - 1.0) ** 3)
-            tighten = tighten**failures
+            kept = np.minimum(fell / np.where(promised > 0.0, promised, np.inf), 1.5)
+            ease = np.asarray(np.maximum(self.ease, 1.0 - (2.0 * kept - 1.0) ** 3))
+            tighten = np.asarray(self.tighten**failures)
         eased = np.maximum(damping * ease, self.least)
+        if not failures.any():
+            return eased
         tightened = np.minimum(np.maximum(damping, self.failed) * tighten, self.lost)
         return np.asarray(np.where(failures > 0, tightened, eased))
 
@@ -64,8 +68,8 @@ class Settings:
     left: float
     left_over: float = 0.0
     extrapolate: bool = False
-    # Whether only checked steps are taken: not the one with which a row ends, too small to matter, but the last
-    # one of a row that runs out of steps
+    # Whether only checked steps are taken: not the one with which a row ends, too small to matter, but the
+    # last one of a row that runs out of steps
     checked: bool = False
     step_tolerance: float = 0.0  # or when no unknown moves by more than this
     halvings: int = 0  # times that a step which raised the cost is halved before it is given up
@@ -190,7 +194,7 @@ def _advance(
         trial = np.where(worse[:, None], x + share * (trial - x) if share else x, trial)
         trial, cost, at = task.measure(trial)
     rows.failures = np.where(worse, rows.failures + 1, 0)
-    kept = (rows.cost - cost) / np.where(rows.promised > 0.0, rows.promised, np.inf)
-    rows.cost, rows.damping = cost, settings.rule.adapt(rows.damping, rows.failures, kept)
+    rows.damping = settings.rule.adapt(rows.damping, rows.failures, rows.cost - cost, rows.promised)
+    rows.cost = cost
     rows.near &= ~worse
     return trial, at

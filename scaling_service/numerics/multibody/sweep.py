@@ -2,9 +2,10 @@
 
 Every marker is a unit point mass: the Gauss-Newton matrix of a marker problem then has the
 structure of a composite rigid-body inertia, and its factorisation that of the articulated-body
-algorithm (Featherstone 2008, ch. 7). One sweep from the leaves to the root eliminates one
-coordinate after the other, one sweep back gives the step; no Jacobian is formed, and the cost
-grows linearly with the number of coordinates. What the markers of a link contribute is held in
+algorithm (Featherstone 2008, ch. 7), by whose letters it stands in
+:mod:`scaling_service.numerics.least_squares.elimination`. One sweep from the leaves to the root eliminates
+one coordinate after the other, one sweep back gives the step; no Jacobian is formed, and the cost grows
+linearly with the number of coordinates. What the markers of a link contribute is held in
 sufficient statistics (weight, centroids, second and cross moments), so an iteration does not
 depend on the number of markers.
 
@@ -111,17 +112,17 @@ class _Frames:
         of their frames is made again knowing so: cut off afterwards, it may raise the cost.
         """
         poses, misfit = at
-        columns, twist = self.plan.variables, elimination.compute_twists(self.plan, poses)
+        columns, S = self.plan.variables, elimination.compute_motion_subspaces(self.plan, poses)
         now = np.ascontiguousarray(x[:, columns].T)
         low, high = self.lower - now, self.upper - now
-        delta, promised = self._eliminate(misfit, twist, now, rows, (low, high))
+        delta, promised = self._eliminate(misfit, S, now, rows, (low, high))
         within = _clip(delta, low, high)
         over = within != delta
         again = np.flatnonzero(over.any(axis=0) & rows.near)
         if len(again):
             given = (np.where(over, within, low)[:, again], np.where(over, within, high)[:, again])
             delta[:, again], promised[again] = self.take(again)._eliminate(
-                misfit.take(again), twist[..., again], now[:, again], rows.take(again), given
+                misfit.take(again), S[..., again], now[:, again], rows.take(again), given
             )
         longest = np.abs(delta).max(axis=0, initial=0.0)
         delta *= self.longest / np.maximum(longest, self.longest)
@@ -130,16 +131,16 @@ class _Frames:
         return trial, promised
 
     def _eliminate(
-        self, misfit: clustering.Misfit, twist: Array, now: Array, rows: Rows, limits: elimination.Limits
+        self, misfit: clustering.Misfit, S: Array, now: Array, rows: Rows, limits: elimination.Limits
     ) -> tuple[Array, Array]:
         tasks, near = None, rows.near.astype(float)
         if self.prior is not None:
             value, weight = (part[self.plan.variables] for part in self.prior)
             tasks = (weight, weight * (value - now))
-        return elimination.solve_step(
+        return elimination.solve_articulated(
             self.plan,
             clustering.compute_curvature_and_wrench(self.clusters, misfit, near),
-            twist,
+            S,
             (rows.damping, self.floor),
             second=near,
             tasks=tasks,

@@ -21,7 +21,8 @@ from scaling_service.numerics.multibody.tree import (
 from tests.numerics.bodies import Array, leg, leg_motion, random_tree, slow_jacobian
 from tests.numerics.swept import SEEDS, Case, case
 
-ONE_STEP = SweepSettings(max_steps=2, left=0.0, step_tolerance=0.0, damping=0.0)
+# Every frame ends with its first step, which is taken whether or not it lowers the cost
+ONE_STEP = SweepSettings(max_steps=1, left=np.inf, damping=0.0)
 TINY = 1e-10  # the share of the total weight that the sweep adds to every pivot
 
 

@@ -116,3 +116,16 @@ def test_a_row_that_nothing_helps_is_given_up_where_it_was() -> None:
     found = descend(Wall(STEEP), START, SETTINGS)
     np.testing.assert_array_equal(found.x, START)
     assert np.isfinite(found.cost).all()
+
+
+def test_rows_judged_alike_do_not_chase_a_share_of_next_to_nothing() -> None:
+    class Raised(Valleys):
+        """The first row's cost has a floor of one."""
+
+        def measure(self, x: Array) -> tuple[Array, Array, None]:
+            return x, super().measure(x)[1] + (self.steep == STEEP[0]), None
+
+    how = replace(SETTINGS, left=1e-4, left_over=0.0)
+    alike, each = (descend(Raised(STEEP), START, replace(how, alike=by)) for by in (True, False))
+    assert (alike.steps <= each.steps).all()
+    assert (alike.steps[1:] < each.steps[1:]).all()

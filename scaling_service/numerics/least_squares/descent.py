@@ -68,6 +68,7 @@ class Settings:
     left: float
     left_over: float = 0.0
     extrapolate: bool = False
+    alike: bool = False  # whether the share is of all rows' mean cost: a row may cost next to nothing
     # Whether only checked steps are taken: not the one with which a row ends, too small to matter, but the
     # last one of a row that runs out of steps
     checked: bool = False
@@ -142,7 +143,9 @@ def descend(
     number = 0
     for number in range(1, settings.max_steps + 1):
         trial, promised = task.step(x, at, rows)
-        done = _find_done(rows, settings, promised, np.abs(trial - x).max(axis=1, initial=0.0))
+        whole = np.full(len(going), ended.mean()) if settings.alike else rows.cost
+        done = _find_done(rows, settings, promised, whole)
+        done |= np.abs(trial - x).max(axis=1, initial=0.0) <= settings.step_tolerance
         known: At | None = at
         if done.any():
             # A row that just failed stays where it is.
@@ -159,21 +162,25 @@ def descend(
         rows.near = (promised < NEAR * rows.cost) & (rows.failures == 0)
         rows.promised = promised
         x, at = _advance(task, x, trial, rows, settings, known)
+        ended[going] = rows.cost
         if progress is not None and not rows.failures.all():
             progress(number, float(rows.cost.sum()))
-    found[going], ended[going], steps[going] = x, rows.cost, number
+    found[going], steps[going] = x, number
     return Descent(found, ended, steps, converged)
 
 
-def _find_done(rows: Rows, settings: Settings, promised: Array, longest: Array) -> Mask:
-    """Which rows end with a step of some promise and length, each (n,)."""
-    enough = settings.left * rows.cost + settings.left_over
+def _find_done(rows: Rows, settings: Settings, promised: Array, whole: Array) -> Mask:
+    """Which rows end with a step of some promise, (n,).
+
+    ``whole`` (n,): the costs of which enough is a share.
+    """
+    enough = settings.left * whole + settings.left_over
     if settings.extrapolate:
         before = np.minimum(np.where(rows.failures > 0, 0.0, rows.promised), rows.cost)
         done = promised**2 <= enough * np.maximum(before - promised, promised)
     else:
         done = promised <= enough
-    return np.asarray(done | (longest <= settings.step_tolerance) | (rows.damping >= settings.rule.lost))
+    return np.asarray(done | (rows.damping >= settings.rule.lost))
 
 
 def _advance(

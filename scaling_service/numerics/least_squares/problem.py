@@ -137,6 +137,7 @@ class Settings(descent.Settings):
     damping: float = 1e-4
     rule: descent.Damping = _DAMPING
     left: float = 1e-8
+    alike: bool = True
     left_over: float = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
 
 

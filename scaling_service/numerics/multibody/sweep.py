@@ -96,14 +96,13 @@ class _Frames:
 
     def measure(self, x: Array) -> tuple[Array, Array, tuple[Poses, clustering.Misfit]]:
         """Coordinates, the cost with their own tasks, (n,), the poses, and the markers' misfit."""
-        q = np.ascontiguousarray(x.T)
-        poses = pose_links(self.tree, q, self.p, self.ground)
+        poses = pose_links(self.tree, np.ascontiguousarray(x.T), self.p, self.ground)
         frames = poses.frames[self.tree.plan.link_node[self.plan.link_of_row]]
         misfit = clustering.compute_misfit(self.clusters, frames[:, :3], frames[:, 3])
         if self.prior is None:
             return x, misfit.cost, (poses, misfit)
         value, weight = self.prior
-        return x, misfit.cost + (weight * (q - value) ** 2).sum(axis=0), (poses, misfit)
+        return x, misfit.cost + (weight * (x.T - value) ** 2).sum(axis=0), (poses, misfit)
 
     def step(self, x: Array, at: tuple[Poses, clustering.Misfit], rows: Rows) -> tuple[Array, Array]:
         """A damped Newton step within the bounds, and the decrease of the cost it promises, (n,).

@@ -13,7 +13,7 @@ from scaling_service.numerics.least_squares.problem import Problem, Settings
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import Array, leg, leg_motion
 
-TIGHT = Settings(max_steps=300, relative_decrease=1e-15)
+TIGHT = Settings(max_steps=300, left=1e-15)
 
 
 @dataclass(frozen=True, eq=False)

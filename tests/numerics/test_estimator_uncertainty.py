@@ -68,7 +68,7 @@ def test_stated_uncertainty_covers_the_truth() -> None:
     inside, noise = np.empty((draws, len(this.p))), np.empty(draws)
     for draw in range(draws):
         problem = this.measured(np.random.default_rng([40, draw]), 0.001)
-        found = solve(problem, this.q, this.p, Settings(relative_decrease=1e-9))
+        found = solve(problem, this.q, this.p, Settings(left=1e-9))
         verdict = estimate_uncertainty(problem, found, this.p)
         inside[draw], noise[draw] = np.abs(found.p - this.p) <= 1.96 * verdict.sd, verdict.noise
     margin = 3.5 * inside.mean(axis=1).std() / np.sqrt(draws)

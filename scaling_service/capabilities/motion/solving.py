@@ -25,7 +25,7 @@ ROUGH = sweep.SweepSettings(left=2e-2)
 """Enough to tell one minimum from another."""
 
 _OPEN = 1e-2  # m or rad; chosen: from so near a loop closes without a detour
-_LOOSE = problem.Settings(relative_decrease=1e-3)
+_LOOSE = problem.Settings(left=1e-3)
 
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
@@ -183,7 +183,7 @@ def _solve_densely(task: Task, start: Array, prior: tuple[Array, Array] | None) 
     )
     if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
         start = blocks.solve_motion_alone(replace(dense, closed=False), start, task.p, _LOOSE).q
-    found = blocks.solve_motion_alone(dense, start, task.p, problem.Settings(relative_decrease=1e-7))
+    found = blocks.solve_motion_alone(dense, start, task.p, problem.Settings(left=1e-7))
     gap = task.measured - trees.pose_markers(task.tree, found.q, task.p)
     cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
     return sweep.MotionSolution(

@@ -8,15 +8,13 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.least_squares.descent import Rows, descend
 from scaling_service.numerics.least_squares.problem import Outcome, Problem, Settings, Solution
 from scaling_service.numerics.multibody import tree
 
-ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
-STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls
-LEAST = 1e-12
-EASE, TIGHTEN = 0.2, 8.0  # chosen: a frame's own damping after a step that helped it, or did not
 _RIDGE = 1e-14  # share of the largest curvature, small enough not to hide a free combination of parameters
 
 
@@ -52,44 +50,41 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
     ``p``: (n_parameters,).
     """
     q, p = clip_to_bounds(problem, q0.copy(), p.copy())
-    cost = compute_frame_costs(problem, q, p)
-    damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
-    for steps in range(1, settings.max_steps + 1):
-        part = problem.of_frames(left)
-        moved, promised = _step(part, q[left], p, damping[left])
-        enough = settings.relative_decrease * float(cost.mean()) + ROUNDING
-        going = (promised > enough) & (damping[left] < STUCK)
-        last = promised <= enough
-        q[left[last]] = moved[last]
-        left, moved = left[going], moved[going]
-        if not len(left):
-            return Solution(
-                q=q,
-                p=p,
-                cost=float(compute_frame_costs(problem, q, p).sum()),
-                steps=steps,
-                outcome=Outcome.CONVERGED,
-            )
-        trial = compute_frame_costs(problem.of_frames(left), moved, p)
-        better = trial <= cost[left]
-        q[left[better]], cost[left[better]] = moved[better], trial[better]
-        damping[left] = np.clip(damping[left] * np.where(better, EASE, TIGHTEN), LEAST, STUCK)
-    return Solution(q=q, p=p, cost=float(cost.sum()), steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
+    found = descend(_Frames(problem, p), q, settings)
+    return Solution(
+        q=found.x,
+        p=p,
+        cost=float(compute_frame_costs(problem, found.x, p).sum()),
+        steps=int(found.steps.max(initial=0)),
+        outcome=Outcome.CONVERGED if found.converged.all() else Outcome.MAX_STEPS,
+    )
 
 
-def _step(problem: Problem, q: Array, p: Array, damping: Array) -> tuple[Array, Array]:
-    """The damped step of every frame: new coordinates, and the decrease of its cost that it promises."""
-    moved, promised = q.copy(), np.empty(problem.n_frames)
-    for rows in problem.blocks():
-        block = make_block(problem, q, p, rows)
-        found = eliminate(problem, block, q, rows, damping[rows])
-        moved[rows, problem.coordinates] += found.free_step
-        pins = pin_to_bounds(problem, q[rows], moved[rows])
-        if pins is not None:
-            found = eliminate(problem, block, q, rows, damping[rows], pins)
-            moved[rows, problem.coordinates] = q[rows, problem.coordinates] + found.free_step
-        promised[rows] = found.gain
-    return clip_to_bounds(problem, moved, p)[0], promised
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Frames:
+    """Frames of a problem whose parameters are known."""
+
+    problem: Problem
+    p: Array
+
+    def measure(self, q: Array) -> tuple[Array, Array, None]:
+        return q, compute_frame_costs(self.problem, q, self.p), None
+
+    def step(self, q: Array, _: None, state: Rows) -> tuple[Array, Array]:
+        problem, moved, promised = self.problem, q.copy(), np.empty(len(q))
+        for rows in problem.blocks():
+            block = make_block(problem, q, self.p, rows)
+            found = eliminate(problem, block, q, rows, state.damping[rows])
+            moved[rows, problem.coordinates] += found.free_step
+            pins = pin_to_bounds(problem, q[rows], moved[rows])
+            if pins is not None:
+                found = eliminate(problem, block, q, rows, state.damping[rows], pins)
+                moved[rows, problem.coordinates] = q[rows, problem.coordinates] + found.free_step
+            promised[rows] = found.gain
+        return clip_to_bounds(problem, moved, self.p)[0], promised
+
+    def take(self, rows: NDArray[np.intp]) -> _Frames:
+        return _Frames(self.problem.of_frames(rows), self.p)
 
 
 def clip_to_bounds(problem: Problem, q: Array, p: Array) -> tuple[Array, Array]:

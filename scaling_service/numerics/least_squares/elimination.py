@@ -1,4 +1,22 @@
-"""The order in which coordinates are eliminated from the leaves to the root, and the sweeps that do it.
+"""The articulated-body algorithm for steps of a fit: from the leaves to the root, and back.
+
+The normal equations of markers on a tree are the equations of motion of a tree of bodies at rest whose masses
+are the markers' weights (Featherstone 2008, Rigid Body Dynamics Algorithms, table 7.1). The step of a
+coordinate is its acceleration; the markers' residuals are forces. His letters stand for
+
+- ``S`` (6,): motion subspace of a coordinate, the twist of its link per unit;
+- ``IA`` (6, 6): articulated-body inertia of a link, the information on its pose from all markers at or below
+  it, the coordinates below being eliminated;
+- ``pA`` (6,): its bias force, the gradient of half the cost by its pose, likewise: the residuals' wrench,
+  negative;
+- ``U = IA S``, ``D = S' U`` and ``u = tau - S' pA``: ``tau`` is what pulls the coordinate itself, whose
+  weight adds to ``D`` as a rotor's inertia does;
+- ``a`` (6,): spatial acceleration of a link, the twist by which the step moves it.
+
+Eliminating a coordinate leaves ``IA - U U' / D`` and ``pA + U u / D`` to what carries it. Nothing has a
+velocity, so there is no ``c`` and no ``v x* I v``. Twists and wrenches are in ground axes about the ground
+origin, so what children leave is added to their parents without a transform. Near the minimum second
+derivatives add to the links' own inertia, and half of how ``S`` turns the residuals' wrench comes off ``U``.
 
 Links of equal depth do not touch each other, so their k-th last coordinates are eliminated in one
 operation: a *round*. Rows (links) are sorted by depth and number of coordinates, columns (coordinates)
@@ -154,8 +172,8 @@ def _list_sets(tree: trees.Tree, columns: Sequence[tuple[int, int]], *, turns: b
     ]
 
 
-def compute_twists(plan: Elimination, poses: trees.Poses) -> Array:
-    """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
+def compute_motion_subspaces(plan: Elimination, poses: trees.Poses) -> Array:
+    """S of every column: angular and linear velocity of its link about the ground origin, (c, 6, n)."""
     moves, n = plan.moves, poses.frames.shape[-1]
     result = np.zeros((len(plan.variables), 6, n))
     local = moves.constant
@@ -179,10 +197,10 @@ Limits = tuple[Array, Array]
 """How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n)."""
 
 
-def solve_step(
+def solve_articulated(
     plan: Elimination,
-    mass: Array,
-    twist: Array,
+    bodies: Array,
+    S: Array,
     damping: tuple[Array, Array],
     *,
     second: Array,
@@ -191,59 +209,61 @@ def solve_step(
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
-    ``mass`` (n_rows, 6, 7, n): curvature and wrench of every link's own markers; overwritten.
-    ``twist``: (c, 6, n).
-    ``damping``: what is added to every pivot: a share of it, and a least pivot, each (n,).
+    ``bodies`` (n_rows, 6, 7, n): inertia of every link's own markers and, as seventh column, their residuals'
+        wrench; overwritten, for they become ``IA`` and ``-pA``.
+    ``S``: (c, 6, n).
+    ``damping``: what is added to every ``D``: a share of it, and a least one, each (n,).
     ``second`` (n,): one where second derivatives are used, else zero.
-    ``tasks``: of the coordinates themselves: weight, and weight times way to go, each (c, n).
+    ``tasks``: of the coordinates themselves: weight, and weight times way to go (``tau``), each (c, n).
 
-    A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
-    so.
+    A coordinate that would pass its bound is moved just to it, as a joint of known acceleration is in hybrid
+    dynamics (Featherstone's ch. 9), and what carries it is then eliminated knowing so.
     """
     bend = None
     if second.any():
         # Half of how each column turns the residual wrench of all that it carries, (c, 6, n).
-        load = mass[:, :, 6] * (0.5 * second)
+        load = bodies[:, :, 6] * (0.5 * second)
         for depth in plan.depths:
             for row, parent in depth.carried:
                 load[parent] += load[row]
-        bend = compute_wrench_rate(twist, load[plan.column_row])
-    grown, floor, (count, _, n) = 1.0 + damping[0], damping[1], twist.shape
-    push, scaled, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
+        bend = compute_wrench_rate(S, load[plan.column_row])
+    grown, floor, (count, _, n) = 1.0 + damping[0], damping[1], S.shape
+    # Of every column: U and u side by side, both over the damped D, and D itself
+    U_u, by_D, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
     for depth in plan.depths:
         for rows, columns in depth.rounds:
-            block, turn, own, share = mass[rows], twist[columns], push[columns], scaled[columns]
-            impulse, pivot, free = own[:, :6], pivots[columns], share[:, 6]
-            np.einsum("gin,gijn->gjn", turn, block, out=own)
+            IA_pA, own, D, share = bodies[rows], U_u[columns], pivots[columns], by_D[columns]
+            U, step = own[:, :6], share[:, 6]
+            np.einsum("gin,gijn->gjn", S[columns], IA_pA, out=own)
             if bend is not None:
-                impulse -= bend[columns]
-            np.einsum("gjn,gjn->gn", turn, impulse, out=pivot)
-            np.abs(pivot, out=pivot)
+                U -= bend[columns]
+            np.einsum("gjn,gjn->gn", S[columns], U, out=D)
+            np.abs(D, out=D)
             if tasks is not None:
-                pivot += tasks[0][columns]
+                D += tasks[0][columns]
                 own[:, 6] += tasks[1][columns]
-            whole = pivot * grown
-            whole += floor
-            np.divide(own, whole[:, None], out=share)
+            damped = D * grown
+            damped += floor
+            np.divide(own, damped[:, None], out=share)
             # Coordinates that would pass their bounds are moved to them, and what carries them feels that.
-            within = np.minimum(np.maximum(free, limits[0][columns]), limits[1][columns])
-            stopped = within != free
+            within = np.minimum(np.maximum(step, limits[0][columns]), limits[1][columns])
+            stopped = within != step
             if stopped.any():
-                block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
+                IA_pA[:, :, 6] -= U * np.where(stopped, within, 0.0)[:, None]
                 share[:, :6] *= ~stopped[:, None]
-                free[:] = within
-            block -= share[:, :6, None] * own[:, None]
+                step[:] = within
+            IA_pA -= share[:, :6, None] * own[:, None]
         for row, parent in depth.carried:
-            mass[parent] += mass[row]
-    free = scaled[:, 6].copy()
-    promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
+            bodies[parent] += bodies[row]
+    steps = by_D[:, 6].copy()
+    promised = np.einsum("cn,cn->n", steps, 2.0 * U_u[:, 6] - pivots * steps)
     # From the root to the leaves: each column's step, given how its link is carried along
-    motion = np.zeros((len(plan.row_of_link), 6, n))
+    a = np.zeros((len(plan.row_of_link), 6, n))
     for depth in reversed(plan.depths):
         for row, parent in depth.carried:
-            motion[row] = motion[parent]
+            a[row] = a[parent]
         for rows, columns in reversed(depth.rounds):
-            carried, own = motion[rows], free[columns]
-            own -= np.einsum("gjn,gjn->gn", scaled[columns, :6], carried)
-            carried += twist[columns] * own[:, None]
-    return free, promised
+            carried, own_step = a[rows], steps[columns]
+            own_step -= np.einsum("gjn,gjn->gn", by_D[columns, :6], carried)
+            carried += S[columns] * own_step[:, None]
+    return steps, promised

@@ -9,7 +9,7 @@ gives the covariance of the parameters and tells which of them the recording can
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,16 @@ from scipy import linalg
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares import border as borders
 from scaling_service.numerics.least_squares.blocks import (
-    EASE,
-    LEAST,
-    ROUNDING,
-    STUCK,
-    TIGHTEN,
     clip_to_bounds,
     compute_frame_costs,
     compute_residuals,
 )
+from scaling_service.numerics.least_squares.descent import Damping, Rows, descend
 from scaling_service.numerics.least_squares.problem import Outcome, Problem, Settings, Solution, find_seen
 
 _NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
+_SHARED = Damping(ease=0.1, tighten=2.0, least=1e-12, failed=1e-8, lost=1e12, by_gain=True)  # the parameters'
 _SHARE = 1e-4  # of a parameter's direction where nothing is determined, beyond which it is not either
 
 
@@ -68,29 +65,57 @@ def solve(
     ``start``: (n_parameters,).
     """
     q, p = clip_to_bounds(problem, q0.copy(), (p0 if start is None else start).copy())
-    cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
-    damping, shared = np.full(problem.n_frames, settings.damping), settings.damping
-    for steps in range(1, settings.max_steps + 1):
-        trial_q, trial_p, promised = borders.compute_step(problem, q, p, p0, damping, shared)
-        if promised <= settings.relative_decrease * cost + ROUNDING or shared > STUCK:
-            return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
-        # Frames share only the parameters: in each the coordinates are chosen that suit the trial's.
-        moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
-        improved = np.less_equal(moved, stayed)
-        trial_q = np.where(improved[:, None], trial_q, q)
-        trial_cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
-        damping = np.clip(damping * np.where(improved, EASE, TIGHTEN), LEAST, STUCK)
-        if trial_cost < cost:
-            # How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)
-            kept = (cost - trial_cost) / promised
-            shared = max(shared * max(0.1, 1.0 - (2.0 * min(kept, 1.5) - 1.0) ** 3), LEAST)
-            q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
-            if progress is not None:
-                progress(steps, cost)
-        else:
-            shared = max(shared, 1e-8) * raise_by
-            raise_by *= 2.0
-    return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
+    damping = np.full(problem.n_frames, settings.damping)
+    task = _Bordered(problem=problem, p0=p0, rule=settings.rule, damping=damping)
+    how = replace(settings, rule=_SHARED, checked=True)
+    found = descend(task, np.concatenate([q.ravel(), p])[None], how, progress=progress)
+    q, p = task.part(found.x)
+    return Solution(
+        q=q,
+        p=p,
+        cost=float(found.cost[0]),
+        steps=int(found.steps[0]),
+        outcome=Outcome.CONVERGED if found.converged[0] else Outcome.MAX_STEPS,
+    )
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class _Bordered:
+    """All frames and what they share: one row of unknowns, coordinates frame by frame, then parameters."""
+
+    problem: Problem
+    p0: Array
+    rule: Damping
+    damping: Array  # (n_frames,): of each frame's coordinates; the row's own damps the parameters
+    before: Array | None = None  # coordinates that the last step started from
+
+    def part(self, x: Array) -> tuple[Array, Array]:
+        """Coordinates (n_frames, n_coordinates) and parameters (n_parameters,)."""
+        size = self.problem.n_frames * self.problem.tree.n_coordinates
+        return x[0, :size].reshape(self.problem.n_frames, -1), x[0, size:]
+
+    def measure(self, x: Array) -> tuple[Array, Array, None]:
+        """Frames share only the parameters: in each the coordinates are kept that suit the trial's."""
+        q, p = self.part(x)
+        costs = compute_frame_costs(self.problem, q, p)
+        if self.before is not None:
+            stayed = compute_frame_costs(self.problem, self.before, p)
+            worse = np.greater(costs, stayed)
+            q, costs = np.where(worse[:, None], self.before, q), np.minimum(costs, stayed)
+            self.damping = self.rule.adapt(self.damping, worse.astype(np.intp), stayed - costs, stayed)
+        total = float(costs.sum()) + compute_prior_cost(self.problem, p, self.p0)
+        return np.concatenate([q.ravel(), p])[None], np.array([total]), None
+
+    def step(self, x: Array, _: None, row: Rows) -> tuple[Array, Array]:
+        """By the arrowhead system; see :mod:`.border`."""
+        self.before, p = self.part(x)
+        q, p, promised = borders.compute_step(
+            self.problem, self.before, p, self.p0, self.damping, float(row.damping[0])
+        )
+        return np.concatenate([q.ravel(), p])[None], np.array([promised])
+
+    def take(self, _: NDArray[np.intp]) -> _Bordered:
+        return self
 
 
 def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.arrays import Mask as Mask
+from scaling_service.numerics.least_squares import descent
 from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
 
 _BLOCK = 256  # frames linearised together
+_DAMPING = descent.Damping(ease=0.2, tighten=8.0, least=1e-12, lost=1e12)  # of coordinates (chosen)
 CLOSING = 1e6
 """Weight of an equation that a pose must obey, as a share of all markers' (chosen: residuals of 1 cm then
 open it by 10 nm at most, and ten digits are left for the markers)."""
@@ -127,13 +129,16 @@ class Outcome(Enum):
     MAX_STEPS = "max_steps"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Settings:
-    """When to stop: the step promises less than this share of the cost, or so many steps are done."""
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Settings(descent.Settings):
+    """When to stop, and how strongly to damp: a share of the curvature of coordinates and of parameters."""
 
     max_steps: int = 100
-    relative_decrease: float = 1e-8
     damping: float = 1e-4
+    rule: descent.Damping = _DAMPING
+    left: float = 1e-8
+    alike: bool = True
+    left_over: float = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -76,7 +76,10 @@ GENERIC = {
 
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
-@pytest.mark.parametrize("name", GENERIC)
+@pytest.mark.parametrize(
+    "name",
+    ["Rajagopal", *(pytest.param(name, marks=pytest.mark.costly) for name in ("OpenCap", "gait2354"))],
+)
 def test_lengths_by_markers_hold_those_of_the_image(name: str, shared_data: Path, tmp_path: Path) -> None:
     """These models have landmarks elsewhere about their joints than this person has, by up to 2 cm."""
     model, markers = GENERIC[name]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import requests
 
 from scaling_service.client import Client
@@ -44,6 +45,7 @@ def test_what_is_typed_is_kept_by_the_next_click(
         assert document(url, "typed")["subject"]["height_m"] == height, way
 
 
+@pytest.mark.costly  # what is offered, and puts it right, is asked in tests/jobs/test_proof_corrected.py
 def test_exchanged_labels_are_put_right_by_one_click(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:
@@ -174,6 +176,7 @@ def test_notes_are_signed_for_the_results_that_are_shown(
     assert visitor.page.get_by_label("Notes").input_value() == "The left knee slipped."
 
 
+@pytest.mark.costly  # what marked strikes do is asked in tests/jobs/test_events.py
 def test_heel_strikes_are_marked_and_cut_strides(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:

@@ -22,7 +22,7 @@ from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
 PERSONS = 24
-COSTLY = pytest.mark.costly  # a quarter of a minute and more
+COSTLY = pytest.mark.costly  # many persons, or one more
 
 
 @pytest.fixture(scope="module")
@@ -193,6 +193,7 @@ def drop_markers(session: Session, labels: set[str]) -> Session:
     )
 
 
+@COSTLY
 def test_fewer_markers_tell_no_more():
     """What a joint's range holds instead is one word about a person, not one in each frame."""
     whole = person(1, model="lower_limb_feet_18dof", noise_m=5e-4, seconds=4.0).session

@@ -136,6 +136,7 @@ def test_a_person_has_one_report(visit: Visit, url: str, walked: str, example: P
     assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
 
 
+@pytest.mark.costly  # how it prints
 def test_figures_are_drawn_before_anybody_scrolls(visit: Visit, url: str, walked: str) -> None:
     """They are printed, also where a chapter below them comes late."""
     job = requests.get(f"{url}/v1/jobs/{walked}", timeout=10).json() | {"id": "0" * 64}
@@ -153,6 +154,7 @@ def test_figures_are_drawn_before_anybody_scrolls(visit: Visit, url: str, walked
     visitor.page.wait_for_function(DRAWN)
 
 
+@pytest.mark.costly  # what a note keeps is asked of HTTP in test_notes.py
 def test_notes_are_signed_for_the_results_that_are_shown(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:

@@ -43,7 +43,7 @@ class Person:
 PERSONS = ("bones/LHDL_CT", "bones/TLEM2_CT", "jia_mri")
 
 
-@pytest.fixture(scope="module", params=PERSONS)
+@pytest.fixture(scope="module", params=[pytest.param(PERSONS[0], marks=pytest.mark.costly), *PERSONS[1:]])
 def person(request: pytest.FixtureRequest, shared_data: Path) -> Person:
     folder = shared_data / request.param
     if not (folder / "reference_joints.json").is_file():

@@ -205,6 +205,7 @@ def test_heel_strikes_are_marked_and_cut_strides(
     assert "events" not in document(url, "struck")
 
 
+@pytest.mark.costly  # an address that is shared
 def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, walked: str) -> None:
     visitor = visit(url)
     visitor.go(f"jobs/{walked}/angles?over=gait_1&zoom=gait_1_knee_angle_r_deg~0.5~1")

@@ -12,6 +12,7 @@ from tests.service.page.conftest import Visit
 from tests.service.page.visitor import LONG_MS
 
 
+@pytest.mark.costly  # what such a job gives is asked in test_motion_kind.py
 def test_a_model_follows_a_new_recording(visit: Visit, url: str, tmp_path: Path) -> None:
     laboratory(tmp_path, **document(subject={"id": "again"}))
     with Client(url) as client:

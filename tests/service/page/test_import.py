@@ -95,6 +95,7 @@ def test_a_marker_is_left_out_where_it_is_clicked(
     assert said == ["V:RKNE left out from 0.50 to 0.90 s, as the subject file says"]
 
 
+@pytest.mark.costly
 def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, walked: str) -> None:
     """Pointing at the map shows its time and lights its marker in picture and table."""
     visitor = visit(url)

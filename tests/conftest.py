@@ -134,6 +134,25 @@ def known_bones(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def known_bodies(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Over the same points, bodies are placed once in a run: for tests of what is made of them."""
+    from scaling_service.recording.identity import identify
+
+    def remember(function: Callable[..., Any]) -> Callable[..., Any]:
+        def find_once(*given: Any, **named: Any) -> Any:
+            content = hashlib.sha256(pickle.dumps((given, sorted(named.items()))))
+            name = f"{function.__name__}_{content.hexdigest()}"
+            return make_once(tmp_path_factory, name, lambda: function(*given, **named))
+
+        return find_once
+
+    with pytest.MonkeyPatch.context() as patched:
+        for name in ("propose_standing_bodies", "refine_standing_body"):
+            patched.setattr(identify, name, remember(getattr(identify, name)))
+        yield
+
+
 @pytest.fixture(scope="session")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What ``scaling-service example`` writes, to be read only: ``lab``, and ``plates`` with forces."""

@@ -21,9 +21,9 @@ from tests.blind.scoring.records import Record
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
-COSTLY = pytest.mark.costly  # ten seconds each and more
+COSTLY = pytest.mark.costly  # ten seconds each and more, or in a pair that is run in any case
 HIDDEN = [
-    Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
+    pytest.param(Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0), marks=COSTLY),
     pytest.param(Case("effect", ("skin_wobble",), "large", "gait", False, 0), marks=COSTLY),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
     pytest.param(Case("pair", PAIRS[10], "large", "gait", True, 0), marks=COSTLY),

@@ -183,7 +183,7 @@ def test_an_ankle_as_a_clinical_image_shows_it(shared_data: Path) -> None:
     assert off < 2.0 * tibia.deviations["ankle_centre_malleoli"]
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.costly)])
 def test_the_subtalar_axis_of_a_standing_ankle_stays_with_noise(seed: int, shared_data: Path) -> None:
     """The third grain of noise took the head's best sphere below its limit."""
     folder = shared_data / "bones/ankle_wbct"

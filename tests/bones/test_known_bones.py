@@ -80,6 +80,7 @@ def test_a_talus_gives_the_ankle() -> None:
     assert found["talus_r"].axes["ankle"] == pytest.approx([0.0499, 0, 0.9988], abs=2e-3)
 
 
+@pytest.mark.costly  # one pose of a real person's bones is looked at in test_real_bones.py
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=4)
 def test_any_pose_gives_the_same_points(seed: int) -> None:

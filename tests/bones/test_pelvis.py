@@ -62,6 +62,9 @@ def test_landmarks_lie_as_in_people_and_no_other_pose_is_as_likely(
     assert measure_unlikeness(upside_down) > measure_unlikeness(found.points) + 2 * np.log(10) * SURE
 
 
+@pytest.mark.parametrize(
+    "pelvis", [FILES[0], pytest.param(FILES[1], marks=pytest.mark.costly)], indirect=True
+)
 @pytest.mark.parametrize(("share", "below"), [(0.12, -0.1), (0.2, -0.1), (0.25, 0.3), (0.2, -0.4)])
 def test_wide_pelves_lie_as_they_did(pelvis: tuple[Mesh, BoneLandmarks], share: float, below: float) -> None:
     (vertices, faces), plain = pelvis

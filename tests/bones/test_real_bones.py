@@ -43,7 +43,7 @@ class Person:
 PERSONS = ("bones/LHDL_CT", "bones/TLEM2_CT", "jia_mri")
 
 
-@pytest.fixture(scope="module", params=PERSONS)
+@pytest.fixture(scope="module", params=[pytest.param(PERSONS[0], marks=pytest.mark.costly), *PERSONS[1:]])
 def person(request: pytest.FixtureRequest, shared_data: Path) -> Person:
     folder = shared_data / request.param
     if not (folder / "reference_joints.json").is_file():
@@ -83,6 +83,7 @@ def test_hip_and_knee(person: Person) -> None:
     assert degrees(femur.cylinders["condyles"].axis, right) <= (4.0 if person.rough else 1.0)
 
 
+@ONE_OF_THREE
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("share", [0.8, 1.25])
 def test_a_stretched_image_is_told_by_its_heads(person: Person, share: float, axis: int) -> None:
@@ -112,7 +113,7 @@ def test_ankle(person: Person) -> None:
 
 @ONE_OF_THREE
 @pytest.mark.parametrize("faces", [None, pytest.param(5000, marks=pytest.mark.costly), 2000])
-@pytest.mark.parametrize("noise_mm", [0.0, 0.5])
+@pytest.mark.parametrize("noise_mm", [pytest.param(0.0, marks=pytest.mark.costly), 0.5])
 def test_the_subtalar_axis_stays_on_worse_meshes(person: Person, faces: int | None, noise_mm: float) -> None:
     """It jumped by 25 to 38 degrees on the rough bone when another hollow was taken for the facet."""
     vertices, triangles = merge_vertices(*person.meshes["talus_r"])

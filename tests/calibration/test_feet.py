@@ -127,6 +127,7 @@ def test_a_patient_walks_on_feet(shared_data: Path, tmp_path: Path) -> None:
     check_feet(results, "Walking01")
 
 
+@pytest.mark.costly
 def test_a_walker_on_shoes(shared_data: Path, tmp_path: Path) -> None:
     """Their toe marker is at the tip: named by the user, placed from the static trial."""
     results = compared(

@@ -81,6 +81,7 @@ def test_skin_that_glides_with_the_hip_moves_the_centre_by_what_it_glides_per_ra
     np.testing.assert_allclose(found.proximal, np.cross([0.0, 0.0, 1.0], per_radian), atol=2e-4)
 
 
+@pytest.mark.costly  # four persons
 def test_with_artefact_the_centre_goes_where_the_skin_goes() -> None:
     """The virtual skin glides by 0.3 to 0.4 mm per degree along each axis: 17 to 23 mm per radian.
 

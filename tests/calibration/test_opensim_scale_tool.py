@@ -79,46 +79,56 @@ def case(setup: Path, model: Path, static: Path, written: Path, marker_set: Path
 
 
 @pytest.fixture(scope="module")
-def cases(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Case]:
-    """Three set-ups; the third goes on with the model that the second left."""
-    gait, walk = shared_data / "gait2354", shared_data / "rajagopal_walk"
-    kept = tmp_path_factory.mktemp("scaled")
-    gait2354 = case(
-        gait / "subject01_Setup_Scale.xml",
-        gait / "gait2354_simbody.osim",
-        gait / "subject01_static.trc",
-        kept / "gait2354.osim",
-        gait / "gait2354_Scale_MarkerSet.xml",
+def gait2354(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    folder = shared_data / "gait2354"
+    return case(
+        folder / "subject01_Setup_Scale.xml",
+        folder / "gait2354_simbody.osim",
+        folder / "subject01_static.trc",
+        tmp_path_factory.mktemp("scaled") / "gait2354.osim",
+        folder / "gait2354_Scale_MarkerSet.xml",
     )
+
+
+@pytest.fixture(scope="module")
+def rajagopal(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Case]:
+    """Two set-ups; the second goes on with the model that the first left."""
+    folder, kept = shared_data / "rajagopal_walk", tmp_path_factory.mktemp("scaled")
     sizes = case(
-        walk / "scale_setup_walk_scaleOnly.xml",
-        walk / "Rajagopal2016.osim",
-        walk / "static_walk_1.trc",
+        folder / "scale_setup_walk_scaleOnly.xml",
+        folder / "Rajagopal2016.osim",
+        folder / "static_walk_1.trc",
         kept / "sizes.osim",
-        walk / "markerset_walk_preScale.xml",
+        folder / "markerset_walk_preScale.xml",
     )
     markers = case(
-        walk / "scale_setup_walk.xml", sizes.written, walk / "static_walk_2.trc", kept / "markers.osim"
+        folder / "scale_setup_walk.xml", sizes.written, folder / "static_walk_2.trc", kept / "markers.osim"
     )
-    return {"gait2354": gait2354, "rajagopal_sizes": sizes, "rajagopal_markers": markers}
+    return {"sizes": sizes, "markers": markers}
 
 
-NAMES = pytest.mark.parametrize("name", ["gait2354", "rajagopal_sizes", "rajagopal_markers"])
+@pytest.fixture(
+    params=["gait2354", *(pytest.param(name, marks=pytest.mark.costly) for name in ("sizes", "markers"))]
+)
+def this(request: pytest.FixtureRequest) -> Case:
+    """One of the three."""
+    name: str = request.param
+    found: Case = (
+        request.getfixturevalue(name) if name == "gait2354" else request.getfixturevalue("rajagopal")[name]
+    )
+    return found
 
 
-@NAMES
-def test_the_factors_are_the_tools(cases: Mapping[str, Case], name: str) -> None:
-    session, tool = cases[name].session, cases[name].tool
+def test_the_factors_are_the_tools(this: Case) -> None:
+    session, tool = this.session, this.tool
     assert session.scale_setup is not None
-    found = compute_setup_factors(session.model, cases[name].static, session.scale_setup)
+    found = compute_setup_factors(session.model, this.static, session.scale_setup)
     assert tool.factors
     for segment, factors in tool.factors.items():
         assert found[segment] == pytest.approx(factors, rel=1e-9), segment
 
 
-@NAMES
-def test_the_markers_are_placed_where_the_tools_steps_lead(cases: Mapping[str, Case], name: str) -> None:
-    this = cases[name]
+def test_the_markers_are_placed_where_the_tools_steps_lead(this: Case) -> None:
     found = {m.name: m for m in scale_linearly(this.session, PAPER).model.markers}
     assert len(this.exact.markers) > 30
     for marker, (segment, place) in this.exact.markers.items():
@@ -126,9 +136,7 @@ def test_the_markers_are_placed_where_the_tools_steps_lead(cases: Mapping[str, C
         assert np.linalg.norm(np.subtract(found[marker].nominal, place)) < SAME, marker
 
 
-@NAMES
-def test_the_static_pose_costs_no_more_than_the_tools(cases: Mapping[str, Case], name: str) -> None:
-    this = cases[name]
+def test_the_static_pose_costs_no_more_than_the_tools(this: Case) -> None:
     assert this.session.scale_setup is not None
     factors = compute_setup_factors(this.session.model, this.static, this.session.scale_setup)
     model = scale_model(this.session.model, factors)
@@ -146,10 +154,8 @@ def test_the_static_pose_costs_no_more_than_the_tools(cases: Mapping[str, Case],
     assert costs[0] <= costs[1]
 
 
-@NAMES
-def test_the_model_as_a_whole_is_the_tools(cases: Mapping[str, Case], name: str) -> None:
+def test_the_model_as_a_whole_is_the_tools(this: Case) -> None:
     """Segments stand alike in any pose, and weigh the same."""
-    this = cases[name]
     setup = this.session.scale_setup
     assert setup is not None
     ours = scale_linearly(this.session, PAPER).model
@@ -180,7 +186,7 @@ def probes(model: BodyModel, order: BodyModel, poses: np.ndarray) -> np.ndarray:
     return pose_markers(compile_model(model.with_markers(marked)), poses, np.zeros(0))
 
 
-def test_a_subject_file_leads_to_the_same_markers(cases: Mapping[str, Case], shared_data: Path) -> None:
+def test_a_subject_file_leads_to_the_same_markers(gait2354: Case, shared_data: Path) -> None:
     """Through the service's own reading, with its names, axes and gap filling."""
     folder = shared_data / "gait2354"
     subject = Subject(
@@ -192,7 +198,7 @@ def test_a_subject_file_leads_to_the_same_markers(cases: Mapping[str, Case], sha
     )
     session = load(subject, read_files(subject)).session
     found = {m.name: m.nominal for m in scale_linearly(session, PAPER).model.markers}
-    for marker, (_, place) in cases["gait2354"].exact.markers.items():
+    for marker, (_, place) in gait2354.exact.markers.items():
         assert np.linalg.norm(np.subtract(found[marker], place)) < SMOOTHED, marker
 
 

@@ -168,7 +168,7 @@ def test_bones_that_do_not_fit_the_markers_are_refused_or_reported(model: str) -
 @pytest.fixture(
     scope="module",
     params=[
-        "rajagopal_walk/Rajagopal2016",
+        pytest.param("rajagopal_walk/Rajagopal2016", marks=pytest.mark.costly),
         pytest.param("opencap_squat/unscaled_generic", marks=pytest.mark.costly),  # knees as Rajagopal's
         "gait2354",
     ],

@@ -154,6 +154,7 @@ def test_a_real_hip_lies_nearer_to_the_experts(shared_data: Path, tmp_path: Path
     assert off["per-axis"] < 0.0123 + 0.0059  # Harrington against CT (Mantovani 2016): mean and one SD
 
 
+@pytest.mark.costly  # that a model is written with its axes is asked in tests/files/osim/test_osim_writing.py
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 def test_an_opensim_model_is_written_with_its_axes(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "opencap_squat"

@@ -21,16 +21,14 @@ from tests.calibration.people import person
 from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
-FEW, MANY = 5, 24  # persons
+PERSONS = 24
+COSTLY = pytest.mark.costly  # many persons, or one more
 
 
-@pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.costly)])
-def found(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, dict[str, Errors]]:
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Errors]]:
     """Method to quantity to errors of all persons, measured once in a run."""
-    name = f"oracle_{request.param}_persons"
-    return make_once(tmp_path_factory, name, lambda: measure(range(request.param), ["MB", "MAP"]))
+    return make_once(tmp_path_factory, "oracle_persons", lambda: measure(range(PERSONS), ["MB", "MAP"]))
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +37,13 @@ def third(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
     return make_once(tmp_path_factory, "oracle_third", lambda: calibrate(record(draw_person(3)), "MAP"))
 
 
+@COSTLY
 @pytest.mark.parametrize("length", ["shank", "inter_hip", "femur"])
 def test_nearer_than_linear_scaling(found, length):
     assert found["MAP"][length].rms < 0.9 * found["MB"][length].rms
 
 
+@COSTLY
 @pytest.mark.parametrize("angle", ["hip_adduction", "hip_rotation", "knee_angle", "pelvis_list"])
 def test_angles_are_nearer_than_those_of_linear_scaling(found, angle):
     assert found["MAP"][angle].rms < 0.9 * found["MB"][angle].rms
@@ -53,30 +53,27 @@ QUANTITIES = ["femur", "shank", "inter_hip", "hip_flexion", "hip_adduction", "hi
 QUANTITIES += ["pelvis_tilt", "pelvis_list", "pelvis_rotation"]
 
 
-MANY_PERSONS = pytest.mark.parametrize("found", [pytest.param(MANY, marks=pytest.mark.costly)], indirect=True)
-"""Few could tell nothing of one quantity's deviations."""
-
-
-@MANY_PERSONS
+@COSTLY
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_stated_deviations_cover(found, quantity, per_cent):
     """As far as so many persons can tell: an angle's error is mostly one number a person."""
     share = per_cent / 100.0
-    chance = 3.0 * np.sqrt(share * (1.0 - share) / MANY)
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / PERSONS)
     assert found["MAP"][quantity].cover(per_cent) == pytest.approx(share, abs=chance)
 
 
-@MANY_PERSONS
+@COSTLY
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
 def test_stated_deviations_of_means_cover(found, per_cent):
     """Over all angles of a walk: what all frames have in common counts in full."""
     covered = [errors.cover(per_cent) for name, errors in found["MAP"].items() if name.endswith(" mean")]
     share = per_cent / 100.0
-    chance = 3.0 * np.sqrt(share * (1.0 - share) / MANY)
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / PERSONS)
     assert np.mean(covered) == pytest.approx(share, abs=chance)
 
 
+@COSTLY
 @pytest.mark.parametrize(("per_cent", "low", "high"), [(95, 0.88, 0.99), (50, 0.40, 0.62)])
 def test_stated_deviations_cover_pooled(found, per_cent, low, high):
     assert low <= np.mean([found["MAP"][name].cover(per_cent) for name in QUANTITIES]) <= high
@@ -99,7 +96,7 @@ def usual_skin(tmp_path_factory: pytest.TempPathFactory) -> float:
     return make_once(tmp_path_factory, "oracle_skin", lambda: learn_skin(1.0))
 
 
-@pytest.mark.parametrize("skin", [0.3, 1.8])
+@pytest.mark.parametrize("skin", [0.3, pytest.param(1.8, marks=COSTLY)])
 def test_how_much_skin_moves_is_learnt(skin, usual_skin):
     """Where cameras are as noisy as the estimate takes them to be; less noise is taken for less skin."""
     assert learn_skin(skin) / usual_skin == pytest.approx(skin, rel=0.15)
@@ -196,6 +193,7 @@ def drop_markers(session: Session, labels: set[str]) -> Session:
     )
 
 
+@COSTLY
 def test_fewer_markers_tell_no_more():
     """What a joint's range holds instead is one word about a person, not one in each frame."""
     whole = person(1, model="lower_limb_feet_18dof", noise_m=5e-4, seconds=4.0).session

@@ -27,6 +27,9 @@ from tests.finished import make_once
 
 SETTINGS = CalibrationSettings()
 PERSONS = 200
+FEW = 40
+"""Persons of whom one number is compared with another of the same persons."""
+COSTLY = pytest.mark.costly  # what two hundred persons prove
 MEDIAL = {"RMFE", "LMFE", "RMM", "LMM"}
 LEGS = ("inter_hip", "femur_r", "femur_l", "shank_r", "shank_l")
 
@@ -51,6 +54,7 @@ def by_length(sizing: Sizing) -> dict[str, SegmentSize]:
     return {size.dimension: size for size in sizing.sizes.values()}
 
 
+@COSTLY
 def test_intervals_of_lengths_cover_the_truth(clinic) -> None:
     generic = measure_segment_lengths(patient(0).session.model)
     z = {
@@ -68,6 +72,7 @@ def test_intervals_of_lengths_cover_the_truth(clinic) -> None:
     assert max(abs(v.mean()) for v in z.values()) < 0.5
 
 
+@COSTLY
 def test_intervals_of_joint_centres_cover_the_truth(clinic) -> None:
     inside = []
     for sizing, _, true in clinic:
@@ -82,13 +87,13 @@ def test_intervals_of_joint_centres_cover_the_truth(clinic) -> None:
     assert np.mean(inside, axis=0).min() >= 0.91
 
 
-def test_the_estimate_is_nearer_than_distances_alone(clinic) -> None:
+def test_the_estimate_is_nearer_than_distances_alone() -> None:
     generic = measure_segment_lengths(patient(0).session.model)
     alone = SETTINGS.model_copy(update={"sizes": "measured"})
     plain, weighted = [], []
-    for seed in range(40):
-        sizing, true, _ = clinic[seed]
-        other = size_segments(patient(seed).session, alone)
+    for who in map(patient, range(FEW)):
+        sizing, other = (size_segments(who.session, settings) for settings in (SETTINGS, alone))
+        true = measure_segment_lengths(who.truth)
         for name in LEGS:
             weighted.append(by_length(sizing)[name].factor * generic[name] - true[name])
             plain.append(by_length(other)[name].factor * generic[name] - true[name])

@@ -33,9 +33,8 @@ def test_a_trunk_bends_in_the_middle_only_where_a_marker_shows_it() -> None:
     assert lock_unmarked(legs, {}) == (legs, ())
 
 
-@pytest.mark.parametrize(
-    "child", [CHILDREN[0], *(pytest.param(child, marks=pytest.mark.costly) for child in CHILDREN[1:])]
-)
+@pytest.mark.costly
+@pytest.mark.parametrize("child", CHILDREN)
 def test_children_stand_and_walk_upright(child: str, shared_data: Path, tmp_path: Path) -> None:
     whole, legs = (
         _tilts(child, model, shared_data, tmp_path) for model in ("full_body_35dof", "lower_limb_feet_18dof")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,15 @@ def folder(sound: Path, tmp_path: Path) -> Path:
 def run(folder: Path, *more: str) -> int:
     file, out = str(folder / "S01.yaml"), str(folder / "out")
     return main(["dynamics", file, "--start", "none", "--out", out, *more])
+
+
+@pytest.fixture(scope="module")
+def ran(sound: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder after the command, to be read only, and what it printed."""
+    folder = Path(shutil.copytree(sound, tmp_path_factory.mktemp("ran") / "laboratory"))
+    with redirect_stdout(StringIO()) as screen:
+        assert run(folder) == 0
+    return folder, screen.getvalue()
 
 
 def plates(folder: Path, name: str) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -184,8 +195,8 @@ def result(folder: Path) -> dict[str, Any]:
     return content
 
 
-def test_what_is_written_follows_the_contract(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(folder) == 0
+def test_what_is_written_follows_the_contract(ran: tuple[Path, str]) -> None:
+    folder, shown = ran
     assert sorted(p.name for p in (folder / "out").iterdir() if p.suffix != ".html") == [
         "dynamics.json",
         "sway_id.sto",
@@ -202,13 +213,12 @@ def test_what_is_written_follows_the_contract(folder: Path, capsys: pytest.Captu
     # The person is the model: what is left is the marker noise of 0.5 mm, which the filter lets through.
     assert max(sway["residual_rms"].values()) < 5.0
     assert all(gate["passed"] for gate in sway["gates"])
-    shown = capsys.readouterr().out
     for part in ("sway", "swing", "Hicks 2015: RMS force, N", "Verdict", "dynamics.json"):
         assert part in shown
 
 
-def test_joint_forces_are_named_as_opensim_names_them(folder: Path) -> None:
-    assert run(folder) == 0
+def test_joint_forces_are_named_as_opensim_names_them(ran: tuple[Path, str]) -> None:
+    folder, _ = ran
     table = read_sto(folder / "out" / "sway_id.sto")
     assert {"hip_flexion_r_moment", "pelvis_tx_force", "residual_fx", "residual_mz"} <= set(table.columns)
     rms = np.sqrt(np.mean(table.column("residual_fy")[10:-10] ** 2))
@@ -219,9 +229,10 @@ def test_joint_forces_are_named_as_opensim_names_them(folder: Path) -> None:
     assert load["peak"] == pytest.approx(peak, rel=1e-4)
 
 
-def test_a_foot_on_two_plates_is_reported_and_right(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(folder) == 0
-    whole = result(folder)["trials"]["sway"]["residual_rms"]
+def test_a_foot_on_two_plates_is_reported_and_right(
+    ran: tuple[Path, str], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = result(ran[0])["trials"]["sway"]["residual_rms"]
     half = _factors(slice(0, 3), 0.5) * _factors(slice(6, 9), 0.5)
     with_plates(lambda p: [p[0] * half, p[0] * half, p[1]])(folder)
     assert run(folder) == 0
@@ -245,9 +256,8 @@ def test_two_feet_on_one_plate_are_reported(folder: Path, capsys: pytest.Capture
     assert "bears two feet at once" in said.out or "no frame has both" in said.err
 
 
-def test_one_nan_frame_of_forces_costs_its_neighbourhood_only(folder: Path) -> None:
-    assert run(folder) == 0
-    before = result(folder)["trials"]["sway"]
+def test_one_nan_frame_of_forces_costs_its_neighbourhood_only(ran: tuple[Path, str], folder: Path) -> None:
+    before = result(ran[0])["trials"]["sway"]
 
     def blank(found: list[np.ndarray]) -> list[np.ndarray]:
         found[0][125, :3] = np.nan

@@ -57,10 +57,10 @@ def search(misread: Misread) -> Discovery:
 @pytest.mark.parametrize(
     ("misread", "said"),
     [
-        (stretch, r"y is off by \+[12]\.\d% of y"),
+        pytest.param(stretch, r"y is off by \+[12]\.\d% of y", marks=pytest.mark.costly),
         (bend, "as by a lens"),
         (read_rows, r"they come (1\d|2\d)\.\d ms later for each metre along y"),
-        (breathe, "size comes and goes"),
+        pytest.param(breathe, "size comes and goes", marks=pytest.mark.costly),
     ],
     ids=["stretched", "bent", "late", "wandering"],
 )

@@ -22,7 +22,13 @@ def moved(*trials: str) -> list[SearchTrial]:
     return [after if after.trial.name in trials else before for before, after in pairs]
 
 
-@pytest.mark.parametrize("trials", [("gait_1", "gait_2"), ("gait_1",), ("gait_2",)])
+@pytest.mark.parametrize(
+    "trials",
+    [
+        ("gait_1",),
+        *(pytest.param(names, marks=pytest.mark.costly) for names in (("gait_1", "gait_2"), ("gait_2",))),
+    ],
+)
 def test_a_marker_that_was_stuck_on_again_is_found_in_its_recordings(trials: tuple[str, ...]) -> None:
     (named,) = discover(person().model, moved(*trials)).named
     assert named.effect.candidate.where == (STUCK,)

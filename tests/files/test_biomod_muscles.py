@@ -69,7 +69,7 @@ def test_what_biorbd_lacks_is_said_of_each_muscle(tmp_path: Path) -> None:
     assert own.pennationAngle() == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("which", REAL)
+@pytest.mark.parametrize("which", ["gait2354", pytest.param("Rajagopal", marks=pytest.mark.costly)])
 def test_muscles_that_are_not_named_are_opensims(which: str, shared_data: Path, tmp_path: Path) -> None:
     off, told, _ = export(shared_data / REAL[which], tmp_path)
     assert max(off[name] for name in off if name not in told) < NEAR_M

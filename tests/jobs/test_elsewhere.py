@@ -16,6 +16,8 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from tests.jobs.laboratory import document, known_person, write_recording, write_subject
 
+pytestmark = pytest.mark.usefixtures("known_bodies")
+
 SHANK, THIGH = ("RFH", "RLM", "RMM"), ("RASIS", "RLFE", "RMFE")
 
 

@@ -30,6 +30,8 @@ from scaling_service.recording.identity.body import StandingBody, propose_standi
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
 
+pytestmark = pytest.mark.usefixtures("known_bodies")
+
 BARE = {"subject": {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}}
 HOSTILE = "<img src=x onerror=alert(1)>"
 

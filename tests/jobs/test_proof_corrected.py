@@ -18,6 +18,8 @@ from scaling_service.model.trial import Relabelling
 from scaling_service.recording.exchanged import relabel
 from tests.jobs.test_proof_mended import BARE, looked, moving, standing
 
+pytestmark = pytest.mark.usefixtures("known_bodies")
+
 WRONG = slice(60, 140)
 CYCLE = {"RLFE": "RMFE", "RMFE": "RFH", "RFH": "RLFE"}
 

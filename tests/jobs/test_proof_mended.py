@@ -22,6 +22,8 @@ from scaling_service.model.trial import Trial
 from scaling_service.virtual.plates import record_on_plates, write_forces
 from tests.calibration.people import movement, trial
 
+pytestmark = pytest.mark.usefixtures("known_bodies")
+
 BARE = {"subject": {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}}
 FEET = load_builtin("lower_limb_feet_18dof")
 CONVENTIONAL = {

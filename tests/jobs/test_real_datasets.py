@@ -29,6 +29,9 @@ WORST = {
 }
 """m, held out; chosen: half as much again as the mean errors seen (7.7, 13.4, 19.1, 12.8, 16.4 mm)."""
 
+QUICK = ("gait2354", "opencap_squat")
+"""The others are scaled by `test_real_recordings`, `test_report_saved` and `tests/calibration`, too."""
+
 
 def _copy(folder: Path, file: RemoteFile) -> tuple[RemoteFile, bytes]:
     """A file's content here; an OBJ is made of the STL that stands here in its place, and is then its own."""
@@ -48,7 +51,10 @@ def _copies(folder: Path, dataset: Dataset) -> tuple[Dataset, dict[str, bytes]]:
     return dataset.model_copy(update={"files": tuple(file for file, _ in both)}), content
 
 
-@pytest.fixture(scope="module", params=CATALOGUE)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[] if name in QUICK else [pytest.mark.costly]) for name in CATALOGUE],
+)
 def obtained(
     request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:

@@ -50,7 +50,9 @@ def test_an_opensim_model_is_scaled_and_loads_again(shared_data: Path, tmp_path:
 
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
-@pytest.mark.parametrize("static", ["static_walk_1.trc", "static_walk_2.trc"])
+@pytest.mark.parametrize(
+    "static", ["static_walk_1.trc", pytest.param("static_walk_2.trc", marks=pytest.mark.costly)]
+)
 def test_arms_that_stand_bent_are_placed_bent(static: str, shared_data: Path, tmp_path: Path) -> None:
     """No landmark of these arms lies below the elbow: the model's own wrist markers show the bend."""
     folder = shared_data / "rajagopal_walk"
@@ -76,7 +78,10 @@ GENERIC = {
 
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
-@pytest.mark.parametrize("name", GENERIC)
+@pytest.mark.parametrize(
+    "name",
+    ["Rajagopal", *(pytest.param(name, marks=pytest.mark.costly) for name in ("OpenCap", "gait2354"))],
+)
 def test_lengths_by_markers_hold_those_of_the_image(name: str, shared_data: Path, tmp_path: Path) -> None:
     """These models have landmarks elsewhere about their joints than this person has, by up to 2 cm."""
     model, markers = GENERIC[name]

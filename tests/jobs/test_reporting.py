@@ -18,6 +18,7 @@ from scaling_service.capabilities.playback.scene import Detail
 from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.scene import write_results_scene
+from scaling_service.documents.results import ComparisonDocument
 from scaling_service.model.body import Marker
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
@@ -26,11 +27,23 @@ from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.finished import Demo
 from tests.jobs.reported import MOST_BYTES, document_of, html_of, page_of, without
-from tests.report.reading import Node, held, tables
+from tests.report.reading import Node, held, read, tables
 from tests.report.test_tables import NASTY
 
 LONGEST_S = 3.0
 """Of a core's own time; chosen: what a person waits for without asking."""
+
+
+@pytest.fixture(scope="module")
+def document(demo: Demo) -> ComparisonDocument:
+    """The demo's result."""
+    return document_of(*demo[:2])
+
+
+@pytest.fixture(scope="module")
+def root(demo: Demo, document: ComparisonDocument) -> Node:
+    """The demo's report."""
+    return read(html_of(demo[0], document))
 
 
 def played(root: Node) -> dict[str, Any]:
@@ -55,17 +68,15 @@ def test_a_long_recording_is_thinned_and_no_error_is_missed(results: Results, tm
             assert thin.motions[name].poses.shape == [thin.frames, *motion.poses.shape[1:]]
 
 
-def test_a_report_is_small_and_quick(demo: Demo) -> None:
-    document = document_of(*demo[:2])
+def test_a_report_is_small_and_quick(demo: Demo, document: ComparisonDocument) -> None:
     clock = time.process_time()
     html = html_of(demo[0], document)
     assert time.process_time() - clock < LONGEST_S
     assert len(html.encode()) < MOST_BYTES
 
 
-def test_numbers_are_those_of_the_document(demo: Demo) -> None:
-    document = document_of(*demo[:2])
-    found = tables(page_of(*demo[:2]))
+def test_numbers_are_those_of_the_document(document: ComparisonDocument, root: Node) -> None:
+    found = tables(root)
     methods = list(document.methods)
     (errors,) = [rows for caption, rows in found.items() if caption.startswith("Kinematic error, mm")]
     assert errors[0] == ["", *methods]
@@ -85,8 +96,7 @@ def test_numbers_are_those_of_the_document(demo: Demo) -> None:
     assert truth[1] == ["lengths, mm", *(f"{document.truth.errors[m]['lengths_mm']:.1f}" for m in methods)]
 
 
-def test_the_verdict_stands_first_and_in_the_document(demo: Demo) -> None:
-    root, document = page_of(*demo[:2]), document_of(*demo[:2])
+def test_the_verdict_stands_first_and_in_the_document(document: ComparisonDocument, root: Node) -> None:
     assert document.verdict is not None
     (callout,) = root.all("div", "callout")
     for said in (document.verdict.headline, *document.verdict.why):

@@ -96,7 +96,9 @@ RUNNER = {
 }
 
 
-@pytest.mark.parametrize("who", ["RBDS001", "RBDS002", "RBDS010", "RBDS011"])
+@pytest.mark.parametrize(
+    "who", ["RBDS001", *(pytest.param(f"RBDS{k}", marks=pytest.mark.costly) for k in ("002", "010", "011"))]
+)
 def test_runners_clusters_without_names(shared_data, who):
     """Anatomical markers in the standing trial only; the clusters' names are the truth, not looked at."""
     folder = shared_data / "runners" / who
@@ -111,7 +113,7 @@ def test_runners_clusters_without_names(shared_data, who):
             assert found.labels[number].segment == f"{segment}_{side.lower()}", label
 
 
-@pytest.mark.parametrize("number", [3, pytest.param(None, marks=pytest.mark.costly, id="all")])
+@pytest.mark.parametrize("number", [1, pytest.param(None, marks=pytest.mark.costly, id="all")])
 @pytest.mark.parametrize("hidden", [(), ("MMA", "LCA", "PCA", "STL")], ids=["whole", "without inner ankles"])
 def test_children_of_a_clinic_without_names(shared_data, number, hidden):
     """The whole body with feet of fourteen markers; truth: the laboratory's names.

@@ -57,6 +57,7 @@ def test_the_signed_rank_test_is_one_sided() -> None:
     assert assess_less(high, low) == pytest.approx(1.0)
 
 
+@pytest.mark.costly  # a person more
 def test_faults_are_what_costs_the_angles(document: FutamureDocument) -> None:
     clean, usual = study_squatter(*draw_person_seeds(0, 1), faults=0.0), document.persons[0]
     assert clean.name == usual.name

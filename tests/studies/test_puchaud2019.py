@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 import pytest
@@ -74,6 +75,7 @@ def _angle(coordinate: str, method: str) -> float:
     return ANGLE_OFF_DEG[coordinate.rpartition("_")[0]][method]
 
 
+@cache
 def asked(*, like_the_paper: bool, seconds: float = 9.0, count: int = 26) -> dict[str, ClaimEntry]:
     people = [subject(k, like_the_paper=like_the_paper) for k in range(count)]
     study = build_document(people, Settings(), slowest_s=seconds, started=0.0)
@@ -101,8 +103,8 @@ def test_methods_that_are_alike_bear_no_difference_out() -> None:
 
 def test_slow_work_fails_the_claim_of_four_minutes() -> None:
     text = "A subject is scaled in less than four minutes"
-    assert asked(like_the_paper=True, seconds=239.0)[text].holds is True
-    assert asked(like_the_paper=True, seconds=241.0)[text].holds is False
+    assert asked(like_the_paper=True, seconds=239.0, count=6)[text].holds is True
+    assert asked(like_the_paper=True, seconds=241.0, count=6)[text].holds is False
 
 
 def test_every_claim_gives_figures() -> None:

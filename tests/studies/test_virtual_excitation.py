@@ -49,6 +49,7 @@ def test_true_forces_leave_nothing_of_the_true_motion() -> None:
     assert vertical.sum(axis=1).mean() == pytest.approx(person.mass_kg * 9.80665, rel=0.05)
 
 
+@pytest.mark.costly
 def test_persons_without_faults_are_followed_exactly_and_with_faults_as_usual() -> None:
     exact = make_excited_person(3, EXACT, ("in_order",))
     motion = exact.performances["in_order"].recording.motion

@@ -24,6 +24,7 @@ from tests.finished import make_once
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0)
 SHORT = VirtualSettings(functional_s=1.0, static_s=0.1, gait_trials=0)
 ROUNDING_M = 1e-8  # the sweeps' cost is a difference of moments of 0.01 m2, exact to about 1e-17 m2
+COSTLY = pytest.mark.costly  # what a hundred and twenty persons prove
 MOVING = ("hip_r", "hip_l", "knee_r", "knee_l", "gait_1", "gait_2")
 
 
@@ -210,6 +211,7 @@ def test_the_residual_has_the_size_asked_for_and_is_slow(person: VirtualSubject)
     assert power[np.fft.rfftfreq(len(times), 0.01) > 2.1].sum() < 1e-3 * power.sum()
 
 
+@COSTLY
 def test_placement_and_noise_have_the_spread_stated(people: list[VirtualSubject]) -> None:
     for name in ("ASIS", "PSIS", "LFE", "MFE", "FH", "LM", "MM"):
         found = np.std([p.marker_offsets[f"{side}{name}"] for p in people for side in "RL"], axis=0)
@@ -227,6 +229,7 @@ def test_gaps_are_occasional_and_never_at_the_ends(person: VirtualSubject) -> No
 # --- a human being --------------------------------------------------------------------------------
 
 
+@COSTLY
 def test_stature_mass_and_lengths_are_the_cohorts(people: list[VirtualSubject]) -> None:
     height = np.array([p.height_m for p in people])
     assert height.mean() == pytest.approx(1.762, abs=0.015)
@@ -250,6 +253,7 @@ def test_stature_mass_and_lengths_are_the_cohorts(people: list[VirtualSubject]) 
     )  # .8, thinned by the sides' own share
 
 
+@COSTLY
 def test_knee_axes_are_puchauds(people: list[VirtualSubject]) -> None:
     for knee, (x, y) in {"knee_r": (1.94, -2.02), "knee_l": (-0.81, 0.81)}.items():
         turns = np.degrees([p.tilts[knee] for p in people])

@@ -89,9 +89,7 @@ def make_discovery_document(
                 for e in bones.expectations
             ],
             left_out=[
-                words.describe_place(e.candidate)
-                for e in found.after.effects
-                if e.candidate.name in left_out
+                words.describe_place(e.candidate) for e in found.after.effects if e.candidate.name in left_out
             ],
         ),
         start=prepared.start,

@@ -80,6 +80,7 @@ def test_rajagopal_walking_is_followed_no_worse(shared_data: Path, tmp_path: Pat
     assert_no_worse(model, folder / "motion_capture_walk.trc", tasks, FRAMES)
 
 
+@pytest.mark.costly
 def test_squats_are_followed_no_worse(shared_data: Path) -> None:
     folder = shared_data / "opencap_squat"
     assert_no_worse(folder / "manually_scaled.osim", folder / "squats1.trc", None, FRAMES)

@@ -30,6 +30,7 @@ pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensi
 NOISE_DEG = 3.0
 WITHOUT_NOISE_DEG = 0.5
 COVERED = (0.90, 0.98)  # by bands of 95 %
+SEEDS = (1, *(pytest.param(seed, marks=pytest.mark.costly) for seed in (2, 3)))
 MODEL, WALK = "opencap_squat/manually_scaled.osim", "opencap_squat/walking1.trc"
 THINNED = slice(None, None, 2)
 """Every second frame of the walk, as 50 Hz are enough for joints."""
@@ -92,6 +93,17 @@ def truth(shared_data: Path) -> Truth:
         origins={name: np.array(posed["origins"][name])[:-1] for name in BODIES},
         standing={name: turn[-1] for name, turn in turns.items()},
         rotations=tuple(c.name for c in body.coordinates if c.kind == "rotation" and not c.locked),
+    )
+
+
+def thin(truth: Truth, step: int) -> Truth:
+    """The motion with fewer frames, for what does not depend on them."""
+    return replace(
+        truth,
+        times=truth.times[::step],
+        q=truth.q[::step],
+        turns={name: turn[::step] for name, turn in truth.turns.items()},
+        origins={name: origin[::step] for name, origin in truth.origins.items()},
     )
 
 
@@ -216,6 +228,7 @@ def test_a_pose_that_is_none_is_doubted(truth: Truth, tmp_path: Path) -> None:
     assert "mounting_doubtful" in codes
 
 
+@pytest.mark.costly  # OpenSim follows every frame
 def test_as_opensim_does_it(truth: Truth, tmp_path: Path) -> None:
     """OpenSim's IMU placer and its inverse kinematics on the same files; and its placed model, used here."""
     standing, walking = make_sensors(truth, tmp_path, heading_deg=0.0)
@@ -242,13 +255,13 @@ def test_as_opensim_does_it(truth: Truth, tmp_path: Path) -> None:
     assert "sit as the model has them" in " ".join(tracked.loaded.session.warnings)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_bands_cover_noise_of_poses(truth: Truth, tmp_path: Path, seed: int) -> None:
     tracked = ik(truth.model, [make_poses(truth, tmp_path, seed, moment=NOISE_DEG)])
     assert COVERED[0] < count_covered(tracked, truth) < COVERED[1]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_bands_cover_noise_of_sensors(truth: Truth, tmp_path: Path, seed: int) -> None:
     standing, walking = make_sensors(truth, tmp_path, seed, moment=NOISE_DEG)
     assert COVERED[0] < count_covered(ik(truth.model, [walking], standing=standing), truth) < COVERED[1]
@@ -264,6 +277,7 @@ def test_bands_cover_mountings_that_are_off(truth: Truth, tmp_path: Path) -> Non
     assert COVERED[0] < np.mean(covered) < COVERED[1]
 
 
+@pytest.mark.costly
 def test_bands_cover_both_at_once(truth: Truth, tmp_path: Path) -> None:
     """That frames sit askew shows where joints are hinges, and widens what jitter alone would say."""
     covered = [
@@ -313,8 +327,12 @@ def test_a_world_of_sensors_that_was_reset_between_recordings(
     truth: Truth, shared_data: Path, tmp_path: Path
 ) -> None:
     """With markers beside them each recording tells its own heading; without, it is the pelvis's alone."""
-    trial = read_trc(shared_data / WALK).trial.frames(THINNED)
-    parts = {"first": slice(0, 33), "second": slice(33, None)}
+    truth, trial = (
+        thin(truth, 3),
+        read_trc(shared_data / WALK).trial.frames(THINNED).frames(slice(None, None, 3)),
+    )
+    half = len(truth.times) // 2
+    parts = {"first": slice(0, half), "second": slice(half, None)}
     found = {}
     for reset_deg in (0.0, 90.0):
         folder = tmp_path / f"{reset_deg:.0f}"

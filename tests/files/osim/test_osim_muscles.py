@@ -42,7 +42,7 @@ def swinging(model: BodyModel, n_frames: int) -> Motion:
     )
 
 
-@pytest.mark.parametrize("which", MODELS)
+@pytest.mark.parametrize("which", ["gait2354", pytest.param("Rajagopal", marks=pytest.mark.costly)])
 def test_muscles_are_as_in_opensims_own_analysis(
     which: str, shared_data: Path, tmp_path: Path, oracle
 ) -> None:

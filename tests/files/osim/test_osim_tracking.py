@@ -30,7 +30,7 @@ that two poses of the foot follow it almost alike."""
     [
         pytest.param("MB_lam", {}, 12, marks=pytest.mark.costly),
         pytest.param("EB_am", {}, 12, marks=pytest.mark.costly),
-        ("EB", GAIT2354, 40),
+        pytest.param("EB", GAIT2354, 40, marks=pytest.mark.costly),
     ],
     ids=["MB_lam-rajagopal", "EB_am-rajagopal", "EB-gait2354"],
 )

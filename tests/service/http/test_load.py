@@ -158,7 +158,9 @@ def largest_memory_mb(process: int) -> float:
     raise AssertionError
 
 
-@pytest.mark.parametrize("size_mb", [60, pytest.param(500, marks=pytest.mark.benchmark)])
+@pytest.mark.parametrize(
+    "size_mb", [pytest.param(60, marks=pytest.mark.costly), pytest.param(500, marks=pytest.mark.benchmark)]
+)
 def test_an_upload_takes_little_memory(size_mb: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "large.c3d"
     with file.open("wb") as content:

@@ -61,33 +61,29 @@ def written(folder: Path, name: str) -> Any:
     return json.loads((folder / name).read_text(encoding="utf-8"))
 
 
-def test_one_method(service: Served, tmp_path: Path) -> None:
+FITTED = ["--strategy", "alternating", "--frames", "40", "--up", "+z"]
+SETTINGS = {"calibration": {"strategy": "alternating", "n_frames": 40}, "up": "+z"}
+"""The same for a body of HTTP."""
+
+
+def test_one_method_and_its_settings(service: Served, tmp_path: Path) -> None:
     file = laboratory(tmp_path)
     client = service.client()
     subject = put(client, tmp_path, file)
-    for method, route in (("MB", "linear"), ("MB_am", "optimised")):
-        assert main(["scale", str(file), "--method", method, "--out", str(tmp_path / method)]) == 0
-        job = client.wait(client.ask(f"scalings/{route}", subject=subject, method=method))
-        there = written(tmp_path / method / method, "scaling.json")
-        assert untimed(client.result(job)) == untimed(there)
+    for method, route, flags, settings in (
+        ("MB", "linear", [], {}),
+        ("MB_am", "optimised", FITTED, SETTINGS),
+    ):
+        assert main(["scale", str(file), "--method", method, *flags, "--out", str(tmp_path / method)]) == 0
+        job = client.wait(client.ask(f"scalings/{route}", subject=subject, method=method, settings=settings))
+        there, over_http = written(tmp_path / method / method, "scaling.json"), client.result(job)
+        assert untimed(over_http) == untimed(there)
+        assert (over_http["settings"]["calibration"]["n_frames"] == 40) == bool(settings)
         fetched = client.download(job, tmp_path / f"{method}_http")
         for path in fetched:
             if path.suffix in (".mot", ".osim"):
                 name = path.relative_to(tmp_path / f"{method}_http")
                 assert path.read_bytes() == (tmp_path / method / name).read_bytes(), name
-
-
-def test_settings_reach_the_fit(service: Served, tmp_path: Path) -> None:
-    file = laboratory(tmp_path)
-    client = service.client()
-    subject = put(client, tmp_path, file)
-    asked = ["--method", "MB_am", "--strategy", "alternating", "--frames", "40", "--up", "+z"]
-    assert main(["scale", str(file), *asked, "--out", str(tmp_path / "out")]) == 0
-    settings = {"calibration": {"strategy": "alternating", "n_frames": 40}, "up": "+z"}
-    job = client.ask("scalings/optimised", subject=subject, method="MB_am", settings=settings)
-    over_http = client.result(client.wait(job))
-    assert untimed(over_http) == untimed(written(tmp_path / "out" / "MB_am", "scaling.json"))
-    assert over_http["settings"]["calibration"]["n_frames"] == 40
 
 
 def test_a_batch(service: Served, tmp_path: Path) -> None:

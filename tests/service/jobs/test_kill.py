@@ -83,6 +83,9 @@ def check(service: Service, jobs: list[str]) -> None:
     assert service.counts()[State.DONE] == len(jobs)
 
 
+@pytest.mark.parametrize(
+    "database_url", ["sqlite", pytest.param("postgresql", marks=pytest.mark.costly)], indirect=True
+)
 def test_nothing_is_lost_or_doubled_by_kill_9(settings: ServiceSettings) -> None:
     torment(settings, n_jobs=12, n_kills=4, job_s=0.2, seed=1)
 

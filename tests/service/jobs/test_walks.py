@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from itertools import count
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -71,8 +72,9 @@ class Walk:
             self.ledger.cancel(self.owner, job)
 
 
-def test_no_walk_of_two_runners_loses_or_doubles_a_job(sqlite_store: Store) -> None:
-    @settings(max_examples=30, suppress_health_check=list(HealthCheck))
+@pytest.mark.parametrize("most", [10, pytest.param(100, marks=pytest.mark.costly)])
+def test_no_walk_of_two_runners_loses_or_doubles_a_job(sqlite_store: Store, most: int) -> None:
+    @settings(max_examples=most, suppress_health_check=list(HealthCheck))
     @given(steps=st.lists(STEPS, min_size=30, max_size=60))
     def walks(steps: list[tuple[str, int]]) -> None:
         walk = Walk(sqlite_store)

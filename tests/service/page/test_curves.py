@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from scaling_service.client import Client
 from tests.service.page.conftest import Visit
 from tests.service.page.visitor import LONG_MS
 
 
+@pytest.mark.costly  # follows a whole body first; that a stop is told is asked in tests/capabilities
 def test_a_stop_is_drawn_and_what_is_pointed_at_is_shown_by_all(
     visit: Visit, url: str, shared_data: Path
 ) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import requests
 
 from scaling_service.client import Client
@@ -44,6 +45,7 @@ def test_what_is_typed_is_kept_by_the_next_click(
         assert document(url, "typed")["subject"]["height_m"] == height, way
 
 
+@pytest.mark.costly  # what is offered, and puts it right, is asked in tests/jobs/test_proof_corrected.py
 def test_exchanged_labels_are_put_right_by_one_click(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:
@@ -93,6 +95,7 @@ def test_a_marker_is_left_out_where_it_is_clicked(
     assert said == ["V:RKNE left out from 0.50 to 0.90 s, as the subject file says"]
 
 
+@pytest.mark.costly
 def test_one_hover_joins_map_picture_and_table(visit: Visit, url: str, walked: str) -> None:
     """Pointing at the map shows its time and lights its marker in picture and table."""
     visitor = visit(url)
@@ -134,6 +137,7 @@ def test_a_person_has_one_report(visit: Visit, url: str, walked: str, example: P
     assert both[2:5] == [f"{length:.1f}", f"{length:.1f}", "±0.0"]
 
 
+@pytest.mark.costly  # how it prints
 def test_figures_are_drawn_before_anybody_scrolls(visit: Visit, url: str, walked: str) -> None:
     """They are printed, also where a chapter below them comes late."""
     job = requests.get(f"{url}/v1/jobs/{walked}", timeout=10).json() | {"id": "0" * 64}
@@ -151,6 +155,7 @@ def test_figures_are_drawn_before_anybody_scrolls(visit: Visit, url: str, walked
     visitor.page.wait_for_function(DRAWN)
 
 
+@pytest.mark.costly  # what a note keeps is asked of HTTP in test_notes.py
 def test_notes_are_signed_for_the_results_that_are_shown(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:
@@ -174,6 +179,7 @@ def test_notes_are_signed_for_the_results_that_are_shown(
     assert visitor.page.get_by_label("Notes").input_value() == "The left knee slipped."
 
 
+@pytest.mark.costly  # what marked strikes do is asked in tests/jobs/test_events.py
 def test_heel_strikes_are_marked_and_cut_strides(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:
@@ -200,6 +206,7 @@ def test_heel_strikes_are_marked_and_cut_strides(
     assert "events" not in document(url, "struck")
 
 
+@pytest.mark.costly  # an address that is shared
 def test_a_stretch_of_a_curve_stands_in_the_address(visit: Visit, url: str, walked: str) -> None:
     visitor = visit(url)
     visitor.go(f"jobs/{walked}/angles?over=gait_1&zoom=gait_1_knee_angle_r_deg~0.5~1")

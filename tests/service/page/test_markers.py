@@ -6,6 +6,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pytest
 import requests
 from PIL import Image
 
@@ -15,6 +16,7 @@ from tests.service.page.conftest import Visit
 from tests.service.page.visitor import Visitor
 
 
+@pytest.mark.costly  # what is saved and proposed is asked of HTTP in test_marker_map.py
 def test_corrected_labels_are_kept_for_the_laboratory(
     visit: Visit, url: str, example: Path, tmp_path: Path
 ) -> None:

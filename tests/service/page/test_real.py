@@ -42,6 +42,7 @@ def compare(visitor: Visitor) -> set[str]:
         return set(archive.namelist())
 
 
+@pytest.mark.costly  # what is understood of them is asked in tests/jobs/test_proof_real.py
 def test_files_of_a_laboratory_are_understood(visit: Visit, url: str, shared_data: Path) -> None:
     visitor = visit(url)
     bring(visitor, shared_data / "opencap_squat", "seen")

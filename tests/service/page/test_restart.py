@@ -17,6 +17,7 @@ from tests.service.page.conftest import Visit
 from tests.service.page.visitor import Visitor
 
 
+@pytest.mark.costly  # waits for two fresh starts
 def test_the_page_recovers_by_itself(visit: Visit, example: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.yaml").write_text("lease_s: 4\n", encoding="utf-8")  # soon taken for dead
     options = ("--port", str(free_port()), "--settings", str(tmp_path / "settings.yaml"))

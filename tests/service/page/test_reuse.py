@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from scaling_service.client import Client
 from tests.jobs.laboratory import document, laboratory
 from tests.service.page.conftest import Visit
 from tests.service.page.visitor import LONG_MS
 
 
+@pytest.mark.costly  # what such a job gives is asked in test_motion_kind.py
 def test_a_model_follows_a_new_recording(visit: Visit, url: str, tmp_path: Path) -> None:
     laboratory(tmp_path, **document(subject={"id": "again"}))
     with Client(url) as client:
@@ -47,6 +50,7 @@ def test_the_advised_model_stands_first(visit: Visit, url: str, tmp_path: Path) 
     visitor.sees(f"MB_lam/model.json stands first because the comparison says: “{verdict['headline']}”")
 
 
+@pytest.mark.costly  # what is written when asked for is asked in tests/cli/test_tables.py
 def test_tables_and_further_forms_are_asked_for(visit: Visit, url: str, tmp_path: Path) -> None:
     laboratory(tmp_path, **document(subject={"id": "written"}))
     with Client(url) as client:

@@ -20,6 +20,7 @@ ARGUMENTS = [
 ]
 LONG_MS = 120_000
 SCHEMES, WIDTHS = ("dark", "light"), (390, 1440)
+BOTH_ONCE = tuple(zip(SCHEMES, WIDTHS, strict=True))
 
 _WATCH = """
 window.violations = [];
@@ -99,12 +100,16 @@ class Visitor:
         """Give files to the first place that takes some."""
         self.page.locator("input[type=file]").first.set_input_files([str(file) for file in files])
 
-    def barriers(self, axe: str) -> list[str]:
-        """What axe finds in what is shown, be it only minor: light and dark, on a phone and on a desk."""
+    def barriers(self, axe: str, *, every_pair: bool = False) -> list[str]:
+        """What axe finds in what is shown, be it only minor: in light and dark, on a phone and on a desk.
+
+        Colours do not depend on the width, so that by default dark is looked at on a phone, light on a desk.
+        """
         self.page.locator("h1").first.wait_for(timeout=LONG_MS)
         self.page.evaluate(axe)
         size, told = self.page.viewport_size, list[str]()
-        for scheme, width in itertools.product(SCHEMES, WIDTHS):  # the last is what visits begin with
+        pairs = itertools.product(SCHEMES, WIDTHS) if every_pair else BOTH_ONCE
+        for scheme, width in pairs:  # the last is what visits begin with
             self.page.emulate_media(color_scheme=scheme)
             self.page.set_viewport_size({"width": width, "height": size["height"]})
             self.page.wait_for_timeout(300)  # until figures are drawn in other colours

@@ -15,10 +15,10 @@ from scaling_service.service.store.store import Store
 from tests.service.store.postgres import server
 from tests.service.store.rows import add_job, add_many
 
-FEW, MANY, PROMISED = 1_000, 30_000, 100_000
+FEW, MANY, PROMISED = 1_000, 10_000, 100_000
 LIMIT_S = 0.020  # s: what a person and a polling client are promised, on a machine that does nothing else
 SLOWER = 3.0
-"""As often the time with few jobs: looking at each job would make it thirty."""
+"""As often the time with few jobs: looking at each job would make it ten."""
 
 
 def questions(store: Store, number: int) -> dict[str, Callable[[], object]]:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.bones import BoneKnowledge, without_undetermined
+from scaling_service.capabilities.discovery.bones import without_undetermined
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, SearchTrial, fit_recordings
+from scaling_service.capabilities.discovery.laws.bones import BoneKnowledge
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import track

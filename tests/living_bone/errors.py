@@ -11,7 +11,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.bones import BoneKnowledge, learn_bones
+from scaling_service.capabilities.discovery.bones import learn_bones
+from scaling_service.capabilities.discovery.laws.bones import BoneKnowledge
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.subject.loading import open_subject

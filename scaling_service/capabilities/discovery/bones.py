@@ -13,7 +13,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws import candidates
-from scaling_service.capabilities.discovery.models import BoneKnowledge
+from scaling_service.capabilities.discovery.laws.bones import BoneKnowledge
 from scaling_service.capabilities.discovery.search.discover import Discovery
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track

@@ -15,7 +15,7 @@ from scaling_service.documents.results import Provenance
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.discovery.evidence.fit import Fit
-    from scaling_service.capabilities.discovery.models import BoneKnowledge
+    from scaling_service.capabilities.discovery.laws.bones import BoneKnowledge
     from scaling_service.capabilities.discovery.search.leanings import Leanings
     from scaling_service.capabilities.discovery.start import Prepared
 

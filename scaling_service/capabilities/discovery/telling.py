@@ -16,8 +16,8 @@ from scaling_service.capabilities.discovery.bones import measure_slide
 from scaling_service.capabilities.discovery.effects.sizes import cite_source_of_sizes, look_up_usual_sizes
 from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.laws.apply import changes_forces, changes_markers
+from scaling_service.capabilities.discovery.laws.bones import BoneKnowledge
 from scaling_service.capabilities.discovery.laws.loads import Tilt
-from scaling_service.capabilities.discovery.models import BoneKnowledge
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.search.discover import Discovery
 from scaling_service.capabilities.discovery.search.findings import NamedEffect, turn_into_probability

@@ -1,4 +1,4 @@
-"""The one iteration of all fits: rows do not disturb each other; damping, acceptance and ends are as told."""
+"""The iteration: rows do not disturb each other; damping, acceptance and ends are as told."""
 
 from __future__ import annotations
 

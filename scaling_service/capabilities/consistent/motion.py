@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.consistent import problem as problems
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.least_squares import descent
 from scaling_service.numerics.signals import splines
 
 STEPS = 15
 """Most Gauss-Newton steps (chosen: three are usual)."""
 
 SETTLED = 1e-2
-"""Share of the larger objective that a step may promise and no longer matter (chosen)."""
+"""Relative change of both objectives that no longer matters (chosen)."""
+
+HALVINGS = 8
+"""Most times that a step is halved (chosen)."""
 
 RIDGE = 1e-9
 """Share of the mean diagonal that holds coefficients which nothing is said about (chosen: far above rounding,
@@ -36,13 +38,6 @@ TRIES = 20
 
 ROUNDS = 8
 """Most times that coefficients are put on their bounds (chosen: three are usual)."""
-
-_DESCENT = descent.Settings(
-    max_steps=STEPS,
-    damping=0.0,
-    rule=descent.Damping(ease=0.1, tighten=10.0, failed=1e-3, lost=1e4),  # chosen: a step seldom fails
-    left=SETTLED,
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -67,58 +62,48 @@ def solve_consistent_motion(
     """Balance markers against ground wrench (Futamure et al., eq. 6).
 
     ``bounds`` (m,) are those of the free coordinates; the search for the balance begins at ``weight``.
-    Gauss-Newton on the larger of both objectives, in units of what is expected of them: goal attainment with
-    the goal zero, as in the paper.
+    Gauss-Newton on both objectives. At every step the weight is sought at which both, in units of what is
+    expected of them, are equal: goal attainment with the goal zero, as in the paper.
+    So what is minimised changes from step to step, and both objectives must settle.
     """
     at = splines.Unknowns(np.clip(start.coefficients, *bounds), start.shared)
-    task = _Recording(problem=problem, bounds=bounds, weight=weight)
-    at = task.part(descent.descend(task, task.join(at), _DESCENT).x)
+    now = problem.objectives(at)
+    for _ in range(STEPS):
+        markers, wrench = problem.normal(at)
+        front = Front(markers=markers, wrench=wrench, at=at.coefficients, bounds=bounds)
+        step, weight = balance(front, weight)
+        after, at = _descend(problem, at, now, step, weight)
+        changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
+        now = after
+        if max(changes) < SETTLED:
+            break
     motion = problem.motion(at.coefficients)
     parts = [np.ascontiguousarray(x.T) for x in (motion.q, motion.qdot, motion.qddot)]
     return ConsistentMotion(
         rated=RatedMotion(problem.basis.times, *parts),
         state=at,
-        objectives=problem.objectives(at),
+        objectives=now,
         glide=problem.glide(at),
-        weight=task.weight,
+        weight=weight,
     )
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
-class _Recording:
-    """A recording as one row of unknowns: coefficients, then shared numbers."""
-
-    problem: problems.ConsistentProblem
-    bounds: tuple[Array, Array]
-    weight: float  # of the wrench in the step before
-
-    def join(self, unknowns: splines.Unknowns) -> Array:
-        """As one row, (1, n_coefficients m + k)."""
-        return np.concatenate([unknowns.coefficients.ravel(), unknowns.shared])[None]
-
-    def part(self, x: Array) -> splines.Unknowns:
-        """The reverse of :meth:`join`."""
-        size = x.shape[1] - self.problem.n_shared
-        return splines.Unknowns(x[0, :size].reshape(self.problem.basis.n_coefficients, -1), x[0, size:])
-
-    def measure(self, x: Array) -> tuple[Array, Array, list[Front]]:
-        """The larger objective; the front from there is made when it is needed."""
-        now = self.problem.objectives(self.part(x))
-        return x, np.array([max(now.markers, now.wrench)]), []
-
-    def step(self, x: Array, fronts: list[Front], row: descent.Rows) -> tuple[Array, Array]:
-        """To where both objectives are equal, as far as their quadratic models tell."""
-        at = self.part(x)
-        if not fronts:
-            markers, wrench = self.problem.normal(at)
-            fronts.append(Front(markers=markers, wrench=wrench, at=at.coefficients, bounds=self.bounds))
-        step, self.weight = balance(fronts[0], self.weight, float(row.damping[0]))
-        moved = splines.Unknowns(at.coefficients + step.coefficients, at.shared + step.shared)
-        after = max(fronts[0].markers.at(step), fronts[0].wrench.at(step))
-        return self.join(moved), row.cost - after
-
-    def take(self, _: NDArray[np.intp]) -> _Recording:
-        return self
+def _descend(
+    problem: problems.ConsistentProblem,
+    at: splines.Unknowns,
+    now: problems.Objectives,
+    step: splines.Unknowns,
+    weight: float,
+) -> tuple[problems.Objectives, splines.Unknowns]:
+    """The step, halved until the weighted sum falls; where it never does, no step."""
+    before = now.markers + weight * now.wrench
+    for halving in range(HALVINGS):
+        share = 0.5**halving
+        moved = splines.Unknowns(at.coefficients + share * step.coefficients, at.shared + share * step.shared)
+        after = problem.objectives(moved)
+        if after.markers + weight * after.wrench < before:
+            return after, moved
+    return now, at
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -135,8 +120,8 @@ class Front:
         """Lower bands of both matrices."""
         return splines.pack_band(self.markers.blocks), splines.pack_band(self.wrench.blocks)
 
-    def step(self, weight: float, damping: float) -> splines.Unknowns:
-        """The step that minimises markers + weight * wrench between the bounds, the diagonal damped.
+    def step(self, weight: float) -> splines.Unknowns:
+        """The step that minimises markers + weight * wrench between the bounds.
 
         Coefficients that would pass a bound are put on it, and the others solved again.
         """
@@ -148,15 +133,14 @@ class Front:
             # Everything but the held coefficients, which change by `fixed`; shared numbers by elimination.
             markers, wrench = self.markers, self.wrench
             band = self.bands[0] + weight * self.bands[1]
-            band[0] += RIDGE * band[0].mean() + damping * band[0]
+            band[0] += RIDGE * band[0].mean()
             border = markers.border + weight * wrench.border
             k = border.shape[2]
             slope = gradient + markers.times(fixed) + weight * wrench.times(fixed)
             right = np.concatenate([slope[..., None], border], axis=2).reshape(-1, k + 1)
             solved = splines.solve_band(band, right, held.ravel())
             flat = np.where(held.ravel()[:, None], 0.0, border.reshape(-1, k))
-            corner = markers.corner + weight * wrench.corner
-            corner = corner + damping * np.diag(np.diag(corner)) - flat.T @ solved[:, 1:]
+            corner = markers.corner + weight * wrench.corner - flat.T @ solved[:, 1:]
             pull = markers.shared_gradient + weight * wrench.shared_gradient
             pull = pull + np.einsum("amk,am->k", border, fixed) - flat.T @ solved[:, 0]
             shared = np.linalg.solve(corner, -pull) if k else np.zeros(0)
@@ -169,7 +153,7 @@ class Front:
         return splines.Unknowns(np.asarray(np.clip(found, low, high)), shared)
 
 
-def balance(front: Front, guess: float, damping: float = 0.0) -> tuple[splines.Unknowns, float]:
+def balance(front: Front, guess: float) -> tuple[splines.Unknowns, float]:
     """The step at which both objectives are equal, and the weight of the wrench there.
 
     Both are counted in units of what is expected of them, and both goals are zero (Futamure et al., section
@@ -183,7 +167,7 @@ def balance(front: Front, guess: float, damping: float = 0.0) -> tuple[splines.U
     low, high = np.log(SMALLEST), np.log(LARGEST)
     weight = float(np.clip(np.log(guess), low, high))
     for _ in range(TRIES):
-        step = front.step(float(np.exp(weight)), damping)
+        step = front.step(float(np.exp(weight)))
         tiny = float(np.finfo(float).tiny)
         markers, wrench = max(front.markers.at(step), tiny), max(front.wrench.at(step), tiny)
         if abs(markers - wrench) <= NEAR * max(markers, wrench) or high - low <= NEAR:

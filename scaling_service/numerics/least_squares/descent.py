@@ -1,10 +1,9 @@
-"""Damped Gauss-Newton (Levenberg-Marquardt) on many least squares at once: the one iteration of all fits.
+"""Damped Gauss-Newton (Levenberg-Marquardt) on many least squares at once.
 
 A *row* is a least-squares problem that shares nothing with the other rows: a frame where the model is known,
 or all frames with what they share. What differs between fits is how a row is linearised and how the linear
-problem is solved: by sweeps over the tree, by dense blocks, with a border of shared numbers, by bands. That
-is a :class:`Task`. Damping, acceptance, convergence and giving up are here, row by row, without a loop over
-rows.
+problem is solved: by sweeps over the tree, by dense blocks, with a border of shared numbers. That is a
+:class:`Task`. Damping, acceptance, convergence and giving up are here, row by row, without a loop over rows.
 """
 
 from __future__ import annotations
@@ -37,16 +36,15 @@ class Damping:
     # (Nielsen 1999)
     by_gain: bool = False
 
-    def adapt(self, damping: Array, failures: NDArray[np.intp], fell: Array, promised: Array) -> Array:
+    def adapt(self, damping: Array, failures: NDArray[np.intp], kept: Array | float = 1.0) -> Array:
         """The damping (n,) of the next step, after so many failures in a row.
 
-        ``fell``, ``promised`` (n,): by how much the step lowered the cost, and what it promised.
+        ``kept`` (n,): the share of its promise that the step kept.
         """
         ease: float | Array = self.ease
         tighten: float | Array = self.tighten
         if self.by_gain:
-            kept = np.minimum(fell / np.where(promised > 0.0, promised, np.inf), 1.5)
-            ease = np.asarray(np.maximum(self.ease, 1.0 - (2.0 * kept - 1.0) ** 3))
+            ease = np.asarray(np.maximum(self.ease, 1.0 - (2.0 * np.minimum(kept, 1.5) - 1.0) ** 3))
             tighten = np.asarray(self.tighten**failures)
         eased = np.maximum(damping * ease, self.least)
         if not failures.any():
@@ -201,7 +199,7 @@ def _advance(
         trial = np.where(worse[:, None], x + share * (trial - x) if share else x, trial)
         trial, cost, at = task.measure(trial)
     rows.failures = np.where(worse, rows.failures + 1, 0)
-    rows.damping = settings.rule.adapt(rows.damping, rows.failures, rows.cost - cost, rows.promised)
-    rows.cost = cost
+    kept = (rows.cost - cost) / np.where(rows.promised > 0.0, rows.promised, np.inf)
+    rows.cost, rows.damping = cost, settings.rule.adapt(rows.damping, rows.failures, kept)
     rows.near &= ~worse
     return trial, at

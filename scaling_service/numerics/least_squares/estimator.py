@@ -102,7 +102,7 @@ class _Bordered:
             stayed = compute_frame_costs(self.problem, self.before, p)
             worse = np.greater(costs, stayed)
             q, costs = np.where(worse[:, None], self.before, q), np.minimum(costs, stayed)
-            self.damping = self.rule.adapt(self.damping, worse.astype(np.intp), stayed - costs, stayed)
+            self.damping = self.rule.adapt(self.damping, worse.astype(np.intp))
         total = float(costs.sum()) + compute_prior_cost(self.problem, p, self.p0)
         return np.concatenate([q.ravel(), p])[None], np.array([total]), None
 

@@ -4,6 +4,9 @@
 of any covariance. Poses have none but where a joint's range holds what markers hardly show. They are
 eliminated frame by frame (an arrowhead, as in :mod:`.border`), so the curvature that is left is the inverse
 covariance of the parameters.
+
+The iteration is its own, not :mod:`.descent`'s: after each step of all, poses are moved by further steps, so
+that what a step promises does not tell how far the cost falls; it ends by the fall, in units of chi-squared.
 """
 
 from __future__ import annotations

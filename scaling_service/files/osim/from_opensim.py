@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.core.names import say_name
 from scaling_service.files.osim import chains, functions, library
 from scaling_service.files.osim import constraints as osim_constraints
 from scaling_service.model import body as model_body
@@ -114,7 +113,7 @@ def _list_notes(model: Any, followed: abc.Sequence[model_body.Constraint]) -> ab
         if c.get_prescribed() and _find_prescribed(c) is None
     ]
     if moved:
-        names = ", ".join(map(say_name, moved))
+        names = ", ".join(f"'{name}'" for name in moved)
         yield f"prescribed as functions of time, here estimated from markers: {names}"
     idle = [
         item.getName() for item in library.list_items(model.getConstraintSet()) if not item.get_isEnforced()

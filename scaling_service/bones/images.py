@@ -14,6 +14,7 @@ from scaling_service.bones import mesh as bones_mesh
 from scaling_service.bones import results, whole
 from scaling_service.bones.surface import STRAY_SHARE
 from scaling_service.core import errors
+from scaling_service.core.names import say_name
 from scaling_service.files import mesh as files_mesh
 from scaling_service.files import segmentation
 from scaling_service.numerics.multibody.laws import Array
@@ -58,7 +59,7 @@ class ImagedBones:
     def tell(self) -> tuple[str, ...]:
         """Which surfaces were thinned, and which labels were passed over."""
         thinned = tuple(
-            f"{name}: of {count:,} faces in the file about {files_mesh.FINE_FACES:,} were used"
+            f"{say_name(name)}: of {count:,} faces in the file about {files_mesh.FINE_FACES:,} were used"
             for name, count in self.thinned.items()
         )
         if not self.passed_over:

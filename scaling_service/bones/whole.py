@@ -14,6 +14,7 @@ from scaling_service.bones.femur import find_femur_landmarks
 from scaling_service.bones.pelvis import find_pelvis_landmarks
 from scaling_service.bones.talus import find_talus_landmarks
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.model import trial as trials
 from scaling_service.model.body import Vector
 
@@ -264,8 +265,9 @@ def _compare_widths(found: Mapping[str, results.BoneLandmarks], side: str) -> It
     low, high = _PLATEAU_TO_FEMUR
     if not low <= widths["tibia"] / widths["femur"] <= high:
         yield (
-            f"tibia_{side}: its plateau is {1e3 * widths['tibia']:.0f} mm wide, femur_{side} "
-            f"{1e3 * widths['femur']:.0f} mm between the epicondyles: check that they are of one person"
+            f"{say_name(f'tibia_{side}')}: its plateau is {1e3 * widths['tibia']:.0f} mm wide, "
+            f"the {say_name(f'femur_{side}')} {1e3 * widths['femur']:.0f} mm between the epicondyles: "
+            "check that they are of one person"
         )
 
 
@@ -278,8 +280,8 @@ def _compare_sides(found: Mapping[str, results.BoneLandmarks]) -> Iterator[str]:
         right, left = (1e3 * float(np.linalg.norm(points[upper] - points[lower])) for points in pair)
         if abs(right - left) > _LENGTHS_APART * max(right, left):
             yield (
-                f"{bone}_r is {right:.0f} mm long and {bone}_l {left:.0f} mm between their joints: check "
-                "that they are of one person"
+                f"the right {bone} is {right:.0f} mm long and the left one {left:.0f} mm between their "
+                "joints: check that they are of one person"
             )
 
 
@@ -293,6 +295,7 @@ def check_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
     notes: list[str] = list(_compare_sides(found))
     remedy = "Export all bones in the frame of one image of one person, not each in its own"
     for side in "rl":
+        femur = say_name(f"femur_{side}")
         notes += _compare_widths(found, side)
         gap = _measure_hip_gap(found, side)
         if gap is not None and gap > _OTHER_FRAME_M:
@@ -308,17 +311,17 @@ def check_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
             float(np.rad2deg(np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0)))) if len(axes) == 2 else None
         )
         if turned is not None and turned > _TURNED_DEG:
-            problem = f"its plateau is turned by {turned:.0f} degrees against the condyles of femur_{side}"
+            problem = f"its plateau is turned by {turned:.0f} degrees against the condyles of the {femur}"
             raise results.MeshRefused(problem, field=f"tibia_{side}", remedy=remedy)
         knee = _measure_knee_gap(found, side)
         if knee is None:
             continue
         narrow, wide, apart = _KNEE_GAP
-        said = f"its plateau lies {1e3 * knee[0]:.0f} mm from the middle of the condyles of femur_{side}"
+        said = f"its plateau lies {1e3 * knee[0]:.0f} mm from the middle of the condyles of the {femur}"
         if knee[1] > apart:
             raise results.MeshRefused(said, field=f"tibia_{side}", remedy=remedy)
         if not narrow <= knee[1] <= wide:
-            notes.append(f"tibia_{side}: {said}: other poses, images or persons")
+            notes.append(f"{say_name(f'tibia_{side}')}: {said}: other poses, images or persons")
     return tuple(notes)
 
 

@@ -26,6 +26,7 @@ class Note:
     place: str = ""  # the recording or bone that it is about; everything where empty
     severity: Severity = "warning"
     remedy: str = LOOK
+    called: str = ""  # the place in a sentence, where that is another name
     hint: str = ""  # the remedy in few words, where the sentence gives it
 
     def __str__(self) -> str:
@@ -34,4 +35,5 @@ class Note:
     @property
     def statement(self) -> str:
         """Place and problem; the remedy stands beside it."""
-        return f"{self.place}: {self.problem}" if self.place else self.problem
+        place = self.called or self.place
+        return f"{place}: {self.problem}" if place else self.problem

@@ -15,6 +15,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.names import say_name
 from scaling_service.files import sto
 from scaling_service.model import forces
 from scaling_service.model.trial import Repair
@@ -125,7 +126,8 @@ def _read_plate(
     seen = seen[np.isfinite(seen).all(axis=1)]
     if len(seen) and np.median(np.linalg.norm(seen, axis=1)) > FARTHEST_M:
         raise TrialUnusable(
-            f"{name} is loaded {np.median(np.linalg.norm(seen, axis=1)):.0f} m away from the origin",
+            f"{say_name(name)} is loaded {np.median(np.linalg.norm(seen, axis=1)):.0f} m away from the "
+            "origin",
             file=file,
             field="point of application",
             remedy="Give points in m and moments in N m",

@@ -14,6 +14,7 @@ from functools import lru_cache
 import pydantic
 
 from scaling_service.core.errors import InputError
+from scaling_service.core.names import say_name
 from scaling_service.core.notes import Note
 from scaling_service.model import body, reference
 from scaling_service.model.inertia import read_inertia_table
@@ -72,7 +73,10 @@ def lock_unmarked(
     coordinates = tuple(replace(c, locked=c.locked or c.name in locked) for c in model.coordinates)
     markers = tuple(replace(m, weight=_STIFF * m.weight) if m.segment in stiff else m for m in model.markers)
     notes = (
-        Note(code="locked", problem=f"{name} is locked: no recording shows a marker on the {need.marked}")
+        Note(
+            code="locked",
+            problem=f"{say_name(name)} is locked: no recording shows a marker on the {say_name(need.marked)}",
+        )
         for name, need in locked.items()
     )
     return replace(model, coordinates=coordinates, markers=markers), tuple(notes)

@@ -9,6 +9,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import InputError
+from scaling_service.core.names import say_name
 from scaling_service.model.trial import Repair, Trial, repair_each
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody import rigid
@@ -145,7 +146,10 @@ def _solidify(
             part = _carry(cloud, k, wanted, common)
             if part is not None:
                 frames, positions, rms = part
-                detail = f"from the other markers of {segment}, which keep their shape to {1e3 * rms:.1f} mm"
+                detail = (
+                    f"from the other markers of the {say_name(segment)}, which keep their shape to "
+                    f"{1e3 * rms:.1f} mm"
+                )
                 parts.append(_Solid(column, frames, positions, detail))
     return parts
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.model import trial
 from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording, RawPlate, list_plate_names
 from scaling_service.numerics.signals import filters
@@ -59,7 +60,7 @@ def compute_ground_forces(recording: PlateRecording | errors.TrialUnusable) -> G
                 )
         if inside < MOSTLY:
             raise errors.TrialUnusable(
-                f"the centre of pressure lies off {name} in {1 - inside:.0%} of its loaded samples",
+                f"the centre of pressure lies off {say_name(name)} in {1 - inside:.0%} of its loaded samples",
                 file=recording.name,
                 field="FORCE_PLATFORM",
                 remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
@@ -146,7 +147,7 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     for name, load, normal in zip(forces.plates, loads, normals, strict=True):
         if load < 0.0 and normal[1] < 0.0:
             raise errors.TrialUnusable(
-                f"the corners of {name} go round the other way: mirrored, it pulls people down",
+                f"the corners of {say_name(name)} go round the other way: mirrored, it pulls people down",
                 file=forces.name,
                 field="FORCE_PLATFORM.CORNERS",
                 remedy="List them as C3D asks: of the plate's quadrants +x+y, -x+y, -x-y, +x-y, z downwards",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.names import say_foot, say_name, say_plates
 from scaling_service.model.forces import GroundForces, SegmentLoads
 from scaling_service.model.trial import Repair
 from scaling_service.numerics.multibody.rigid import rotate_about
@@ -59,6 +60,9 @@ ALIKE = 0.3  # chosen: share of the largest load from which one is a foot's, and
 
 TOLERATED = 0.2
 """Share of a contact in which the markers may disagree before it is noted (chosen: rolling at both ends)."""
+
+_OF_FEET = frozenset({"two_plates", "over_edge", "no_plate"})
+"""Repairs that tell of a foot; others tell of a plate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -240,6 +244,11 @@ def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> in
     return idle[0] if len(idle) == 1 and _take_median(away[idle[0]]) < ASTRAY_M else NOBODY
 
 
+def say_where(what: str, where: str) -> str:
+    """Of which plate or foot a kind of repair of forces tells, within a sentence."""
+    return say_foot(where) if what in _OF_FEET else say_plates(where)
+
+
 def _take_median(distances: Array) -> float:
     known = distances[np.isfinite(distances)]
     return float(np.median(known)) if len(known) else float("inf")
@@ -252,18 +261,15 @@ def _describe_contact(
     span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
     if chosen == NOBODY:
         return [Repair("no_foot", plate, f"loaded {span}, but no foot is near", frames=n)]
-    notes = [Repair("plate_foot", plate, f"bears {names[chosen]} {span}", frames=n)]
+    foot = say_foot(names[chosen])
+    notes = [Repair("plate_foot", plate, f"bears the {foot} {span}", frames=n)]
     off = _take_median(away[chosen])
     if off >= REACH_M:
-        detail = (
-            f"pressure lies {100 * off:.0f} cm off {names[chosen]}, the only foot that stands free {span}"
-        )
+        detail = f"pressure lies {100 * off:.0f} cm off the {foot}, the only foot that stands free {span}"
         notes.append(Repair("pressure_astray", plate, detail, frames=n))
     swinging = ~on_floor[:, chosen]
     if swinging.mean() > TOLERATED:
-        detail = (
-            f"bears {names[chosen]} {span}, but the markers show it in swing in {swinging.mean():.0%} of it"
-        )
+        detail = f"bears the {foot} {span}, but the markers show it in swing in {swinging.mean():.0%} of it"
         notes.append(Repair("in_swing", plate, detail, frames=int(swinging.sum())))
     return notes
 
@@ -330,7 +336,7 @@ def _find_over_edge(
         for start, stop in find_runs(found[:, k]).tolist():
             on = forces.plates[int(np.argmax(foot[start] == k))]
             detail = (
-                f"reaches {1e3 * reach[start:stop].max():.0f} mm beyond the edge of {on} from "
+                f"reaches {1e3 * reach[start:stop].max():.0f} mm beyond the edge of {say_name(on)} from "
                 f"{forces.times[start]:.2f} to {forces.times[stop - 1]:.2f} s: the floor bears a part of it"
             )
             notes.append(Repair("over_edge", name, detail, frames=stop - start))

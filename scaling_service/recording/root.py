@@ -6,6 +6,7 @@ from collections import abc
 
 import numpy as np
 
+from scaling_service.core.names import say_name, say_names
 from scaling_service.core.text import list_few
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
@@ -54,8 +55,8 @@ def ask_root(trial: Trial, model: body.BodyModel | None, clusters: Clusters) -> 
                 place=trial.name,
                 severity="refusal",
                 labels=tuple(own),
-                problem=f"the {root.name} is not shown, which carries "
-                f"{list_few([branch.name for branch in branches])}: {shows}",
+                problem=f"the {say_name(root.name)} is not shown, which carries "
+                f"{say_names(branch.name for branch in branches)}: {shows}",
                 remedy=f"Record or label {list_few(own)}; if they have other names, map them under "
                 "`markers:`; if other markers sit on it, name them under `extra_markers:`",
             )

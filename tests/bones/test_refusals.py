@@ -141,8 +141,12 @@ def test_mixed_units_are_refused() -> None:
     ("size", "shift", "said"),
     [
         ([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], "^$"),
-        ([1.0, 1.0, 1.0], [0.0, -25.0, 0.0], "mm from the middle of the condyles of femur_r: other poses"),
-        ([0.7, 0.7, 0.7], [0.0, 0.0, 0.0], "wide, femur_r .* check that they are of one person"),
+        (
+            [1.0, 1.0, 1.0],
+            [0.0, -25.0, 0.0],
+            "of the condyles of the right femur: other poses",
+        ),
+        ([0.7, 0.7, 0.7], [0.0, 0.0, 0.0], "wide, the right femur .* check that they are of one person"),
         ([1.0, 1.0, 1.0], [500.0, 0.0, 0.0], "^tibia_r: Export all bones in the frame of one image"),
         ([1.0, 1.0, -1.0], [0.0, 0.0, 0.0], "^tibia_r: Give it as tibia_l; if the export mirrored it"),
         ([0.1, 0.1, 0.1], [0.0, 0.0, 0.0], "^tibia_r: .*heck the unit"),

@@ -105,7 +105,7 @@ def test_fits_start_from_the_functional_joints(clean: Clustered) -> None:
 
 def test_two_markers_on_a_thigh_are_refused_with_the_reason(clean: Clustered) -> None:
     bare = replace(clean.session, subject=replace(clean.session.subject, extra_markers={}))
-    with pytest.raises(TrialUnusable, match=r"femur_r carries 2 markers .*\(RLFE, RMFE\).*needs 3") as caught:
+    with pytest.raises(TrialUnusable, match=r"right femur carries 2 .*\(RLFE, RMFE\).*needs 3") as caught:
         calibrate(bare, "MB", HIP)
     assert "extra_markers" in str(caught.value)
 
@@ -116,7 +116,7 @@ def test_a_side_that_was_not_moved_keeps_the_regression_and_says_so(clean: Clust
     found, usual = calibrate(session, "MB", HIP), calibrate(session, "MB", MEASURED)
     assert find_joint_centres(found.model)["hip_l"] == find_joint_centres(usual.model)["hip_l"]
     assert hip_errors(found, clean)[0] < 1e-7
-    (reported,) = (w for w in found.warnings if w.startswith("MB: hip_l"))
+    (reported,) = (w for w in found.warnings if w.startswith("MB: left hip"))
     assert "the regression in its place: it turns by at most" in reported
 
 
@@ -147,7 +147,7 @@ def test_an_axis_far_from_the_epicondyles_is_not_believed(clean: Clustered) -> N
     found = calibrate(session, "MB", AXIS)
     assert "knee_r" not in found.axis_tilts
     assert "knee_l" in found.axis_tilts
-    assert any("knee_r: the epicondyles in its place" in w for w in found.warnings)
+    assert any("right knee: the epicondyles in its place" in w for w in found.warnings)
 
 
 def test_a_knee_that_turns_like_a_ball_has_no_axis() -> None:
@@ -207,9 +207,9 @@ def test_a_real_hip_and_knee(recorded: Results) -> None:
     """Against what is known of adults: the regression's own error and the cohort's axes."""
     scaling = recorded.scalings["MB"]
     reported = "\n".join(scaling.calibration.warnings)
-    assert "hip_r: functional centre from 'right_hip'" in reported
-    assert "knee_r: functional axis from 'right_knee'" in reported
-    assert "hip_l: no functional centre" in reported
+    assert "right hip: functional centre from 'right_hip'" in reported
+    assert "right knee: functional axis from 'right_knee'" in reported
+    assert "left hip: no functional centre" in reported
     regressed = calibrate(recorded.session, "MB")
     apart = np.subtract(
         find_joint_centres(scaling.calibration.model)["hip_r"][1],

@@ -68,5 +68,5 @@ def test_hips_above_their_spines_are_refused_and_far_ones_said() -> None:
         assert doubt(-0.080) == []
         assert doubt(-0.095) == []
         assert len(doubt(-0.120)) == 2
-        with pytest.raises(SubjectInvalid, match=r"hip_r lies 1\d\d mm from where people's hips lie"):
+        with pytest.raises(SubjectInvalid, match=r"right hip lies 1\d\d mm from where people's hips lie"):
             doubt(0.080)

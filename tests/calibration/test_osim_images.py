@@ -23,6 +23,7 @@ from scaling_service.capabilities.scaling.methods.table import METHODS, calibrat
 from scaling_service.capabilities.shared.settings import PAPER, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.names import say_name
 from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.files.osim.muscles import Attachment, read_attachments
 from scaling_service.model.anatomy.lengths import find_joint_ends, measure_segment_lengths
@@ -117,7 +118,7 @@ def test_hips_further_apart_say_little_of_the_pelvis() -> None:
     assert measure_segment_lengths(found.model)["inter_hip"] == pytest.approx(
         np.linalg.norm(right - left) + 0.016
     )
-    assert any("hip_r: its centre by" in note for note in found.warnings)
+    assert any("right hip: its centre by" in note for note in found.warnings)
 
 
 @pytest.mark.parametrize(("side", "other"), ["rl", "lr"])
@@ -127,7 +128,7 @@ def test_a_leg_that_was_not_imaged_is_sized_as_in_persons_with_the_imaged_one(si
     femur, unseen = f"femur_{side}", f"femur_{other}"
     assert found.scale_factors[femur][0] == pytest.approx(SIZES[femur][0], abs=1e-6)
     assert found.scale_factors[unseen][0] == pytest.approx(SIZES[unseen][0], abs=0.02)
-    assert any("not imaged" in note and unseen in note for note in found.warnings)
+    assert any("not imaged" in note and say_name(unseen) in note for note in found.warnings)
     assert found.bone_sized == {
         f"{bone}_{leg}": whose
         for bone in ("femur", "tibia")
@@ -159,7 +160,7 @@ def test_bones_that_do_not_fit_the_markers_are_refused_or_reported(model: str) -
         return calibrate(replace(who.session, subject=subject, images=sized), "EB")
 
     assert not any("by the markers" in note for note in with_size(1.05).warnings)
-    assert any("femur_r is" in note and "by the markers" in note for note in with_size(1.2).warnings)
+    assert any("right femur is" in note and "by the markers" in note for note in with_size(1.2).warnings)
     with pytest.raises(SubjectInvalid, match=r"by the bones and .* by the markers.*of one person"):
         with_size(1.4)
 
@@ -219,7 +220,7 @@ def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
     by_markers = follow(sized.model.segment("calcn_r").joints, values)
     for theirs, ours in zip(by_markers, follow(heel, values), strict=True):
         assert ours == pytest.approx(theirs, abs=1e-9)  # the neutral foot stays where it is
-    assert any("without a bone's length" in note and "calcn_r" in note for note in found.warnings)
+    assert any("without a bone's length" in note and "right heel bone" in note for note in found.warnings)
     source, path = Path(session.subject.model), tmp_path / "model.osim"
     write_osim(
         path,

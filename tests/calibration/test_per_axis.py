@@ -81,7 +81,7 @@ def test_a_breadth_that_no_marker_shows_follows_the_length(broad: Person) -> Non
     )
     found = scale_linearly(one, OPEN)
     assert len(set(found.scale_factors["femur_r"])) == 1
-    assert any("femur_r: breadth not measured (RLFE, RMFE)" in w for w in found.warnings)
+    assert any("right femur: breadth not measured (RLFE, RMFE)" in w for w in found.warnings)
 
 
 def test_a_pelvis_without_hips_keeps_its_mean_height() -> None:

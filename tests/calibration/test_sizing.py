@@ -107,7 +107,7 @@ def test_shares_add_up_and_say_what_was_measured() -> None:
     assert left.others > 0.5  # legs resemble each other
     assert left.sd > right.sd
     assert left.factor == pytest.approx(right.factor, rel=0.01)
-    assert any("femur_l, tibia_l" in n and "not measured" in n for n in sizing.notes)
+    assert any("left femur, left tibia" in n and "not measured" in n for n in sizing.notes)
     for size in sizing.sizes.values():
         assert size.measured + size.others + size.expected == pytest.approx(1.0)
 

@@ -245,7 +245,7 @@ REPAIRED: dict[str, tuple[Spoil, str]] = {
     ),
     "one leg": (
         in_recordings(without("LLFE", "LMFE", "LFH", "LLM", "LMM")),
-        "femur_l, tibia_l: not measured",
+        "left femur, left tibia: not measured",
     ),
 }
 

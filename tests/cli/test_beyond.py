@@ -49,7 +49,7 @@ def test_a_movement_without_thigh_markers_is_refused_with_the_reason(
     out = tmp_path / "out"
     assert main(["compare", str(subject_file), "--out", str(out), option, "functional"]) == 2
     reported = capsys.readouterr().err
-    assert "femur_r carries 2 markers" in reported
+    assert "right femur carries 2 markers" in reported
     assert "extra_markers" in reported
     assert not out.exists()
 

@@ -225,7 +225,7 @@ def test_a_foot_on_two_plates_is_reported_and_right(folder: Path, capsys: pytest
     half = _factors(slice(0, 3), 0.5) * _factors(slice(6, 9), 0.5)
     with_plates(lambda p: [p[0] * half, p[0] * half, p[1]])(folder)
     assert run(folder) == 0
-    assert "calcn_r: stands on two plates at once; both loads count" in capsys.readouterr().out
+    assert "right foot: stands on two plates at once; both loads count" in capsys.readouterr().out
     split = result(folder)["trials"]["sway"]["residual_rms"]
     assert split == pytest.approx(whole, rel=1e-6)
 

@@ -41,7 +41,7 @@ def test_a_leg(leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert set(content["input_hashes"]) == {"femur.stl", "tibia.stl", "talus.stl"}
     assert "femur_l" not in content
     assert content["settings"] == {"units": "mm", "units_from": "given"}
-    assert "hip_centre" in capsys.readouterr().out
+    assert "hip centre" in capsys.readouterr().out
 
 
 def test_metres_are_detected(leg: Path, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.discovery.search.searching import DRIFTS
 from scaling_service.capabilities.discovery.start import Prepared, leave_out_untold, prepare
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.names import say_name
 from scaling_service.model.anatomy.lengths import find_segment
 from scaling_service.model.trial import Repair
 from tests.discovery.hidden import hide, person, recorded
@@ -53,7 +54,7 @@ def test_a_plate_at_fault_in_one_recording_is_so_in_all(
     faulty = ground.change(Repair(what, f"{plate} fz", ""))
     first = replace(recordings[0], contacts=replace(contacts(recordings[0]), ground=faulty))
     kept, (note,) = leave_out_untold((first, *recordings[1:]))
-    assert note == f"{plate}: what it bears is known in no recording, and was not compared"
+    assert note == f"{say_name(plate)}: what it bears is known in no recording, and was not compared"
     for before, after in zip(recordings, kept, strict=True):
         bears = contacts(before).ground.in_contact()[:, 0]
         assert (contacts(after).usable == contacts(before).usable & ~bears).all()

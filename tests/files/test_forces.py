@@ -81,7 +81,7 @@ def test_an_undefined_point_of_no_force_is_no_gap() -> None:
 
 
 def test_points_in_millimetres_are_refused() -> None:
-    with pytest.raises(TrialUnusable, match=r"plate_1 is loaded 224 m away.*Give points in m"):
+    with pytest.raises(TrialUnusable, match=r"plate 1 is loaded 224 m away.*Give points in m"):
         read_forces_from_table(table(ground_force_px=200.0, ground_force_pz=100.0), "made.mot")
 
 

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from scaling_service.core.names import spell_name
 from scaling_service.guide.pages import FIGURES
 from scaling_service.report.tables import Table, to_cell
-from scaling_service.report.words import spell_name
 from scaling_service.studies.benchmark.parts import OURS
 from scaling_service.studies.benchmark.result import DOCUMENT, BenchmarkDocument, make_tables, read_document
 from tests.living_bone.errors import Way, judge_sets

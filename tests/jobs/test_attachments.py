@@ -87,7 +87,7 @@ def test_the_rest_of_the_model_stays(followed: tuple[Results, Path]) -> None:
 def test_what_follows_and_what_does_not_is_reported(followed: tuple[Results, Path]) -> None:
     results, folder = followed
     said = " ".join(results.scalings["EB"].calibration.warnings)
-    assert "attachments on femur_r follow its surface" in said
+    assert "attachments on the right femur follow its surface" in said
     assert "r_tibia.vtp" in said
     assert "is not beside it" in said
     rows = (folder / "out" / "EB" / "attachments.csv").read_text().splitlines()

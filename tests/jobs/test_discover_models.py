@@ -124,7 +124,7 @@ def test_opensim_has_what_was_found(tmp_path: Path) -> None:
 def test_what_opensim_cannot_hold_is_left_out_and_said() -> None:
     plan = plan_osim(fit_of(SKIN, OFFSET), prepared())
     assert [said.split(":")[0].split(" at ")[0] for said in plan.left_out] == [
-        "soft_tissue_artefact",
+        "soft tissue artefact",
     ]
     assert all(law.is_constant for m in plan.model.markers for law in m.laws)
     assert plan.model.marker("RFH").nominal == correct_model(fit_of(OFFSET)).marker("RFH").nominal

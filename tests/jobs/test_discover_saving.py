@@ -81,7 +81,7 @@ def test_all_files_are_reported(folder: Path, document: DiscoveryDocument) -> No
     there = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
     assert there == {*document.files, FILE_NAME}
     assert {"model.json", "report.html", "corrected/gait_1.trc"} <= there
-    assert any("soft_tissue_artefact" in note for note in document.notes)
+    assert any("soft tissue artefact" in note for note in document.notes)
 
 
 def test_what_an_earlier_search_wrote_goes(tmp_path: Path) -> None:

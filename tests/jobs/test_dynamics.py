@@ -56,7 +56,9 @@ def test_a_squat_leaves_the_residual_that_opensim_leaves(shared_data: Path, tmp_
     assert found.prepared.inertia == "model"
     assert sum_mass(found.prepared.model) == pytest.approx(62.6, abs=0.01)
     contacts = [repair.detail for repair in squat.forces.contacts.repairs if repair.what == "plate_foot"]
-    assert {detail.split()[1] for detail in contacts} == {"calcn_r", "calcn_l"}
+    assert {detail.partition(" from ")[0] for detail in contacts} == {
+        f"bears the {s} foot" for s in ("right", "left")
+    }
 
 
 @OPENSIM

@@ -59,7 +59,7 @@ def test_a_thigh_marker_that_moves_with_the_shank_is_told(tmp_path: Path, said: 
     loaded = load_all(write_with(tmp_path, "RTHI", SHANK, MIDDLE, extra_markers=said))
     (note,) = [note for note in loaded.session.notes if note.code == "elsewhere"]
     assert note.place == "RTHI"
-    assert "tibia_r" in note.problem
+    assert "right tibia" in note.problem
     assert ("RTHI" in loaded.session.subject.extra_markers) == (said is not None)
 
 

@@ -42,7 +42,7 @@ def test_lengths_are_judged_by_stature(height_m: float) -> None:
     for factor in spread:
         assert list_doubts({}, {"MB": {n: factor * x for n, x in usual.items()}}, height_m) == ()
     (said,) = list_doubts({}, {"MB": usual, "MB_lam": usual | {"femur_r": 0.32 * height_m}}, height_m)
-    assert said.startswith(f"femur_r of {320 * height_m:.0f} mm (MB_lam) is unusual")
+    assert said.startswith(f"right femur of {320 * height_m:.0f} mm (MB_lam) is unusual")
     assert list_doubts({}, {"MB": usual | {"femur_r": 3.0}}, None) == ()
 
 

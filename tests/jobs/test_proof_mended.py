@@ -219,14 +219,14 @@ def test_what_cameras_and_plates_do_wrong_is_reported_with_remedies(tmp_path: Pa
     write_forces(folder / "squat_grf.mot", trial.times, plates)
     found = prove(folder, BARE, tmp_path / "out")
     assert reported(found, "RLFE, RMFE", "seen as one point", "20 frames", "Correct the trajectories")
-    assert reported(found, "plate_1 fy", "jumps by up to 300 N", "2 frames", "amplifier")
+    assert reported(found, "plate 1 fy", "jumps by up to 300 N", "2 frames", "amplifier")
 
 
 @pytest.mark.parametrize(("newton", "expected"), [(35.0, True), (2.0, False)])
 def test_an_offset_that_no_foot_explains_is_reported(tmp_path: Path, newton: float, expected: bool) -> None:
     empty = np.tile([0.0, newton, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0], (250, 1))
     found = plates_at(tmp_path / "lab", empty)
-    assert bool(reported(found, "plate_3", "no foot", "Zero the plate")) == expected
+    assert bool(reported(found, "plate 3", "no foot", "Zero the plate")) == expected
     plates = found.recordings[0].plates
     assert [p.loaded_by[0].split(" foot")[0] if p.loaded_by else "" for p in plates[:2]] == ["right", "left"]
     assert plates[2].offset_N == pytest.approx(newton)
@@ -243,7 +243,7 @@ def test_a_foot_that_is_not_seen_is_not_away_from_its_plate(tmp_path: Path, fram
     write_trc(tmp_path / "squat.trc", one.trial.with_markers(markers), "mm")
     write_forces(tmp_path / "squat_grf.mot", one.trial.times, one.plates)
     found = prove(tmp_path, BARE, tmp_path / "out")
-    assert not reported(found, "plate_1", "no foot")
+    assert not reported(found, "plate 1", "no foot")
     plate = found.recordings[0].plates[0]
     assert plate.offset_N is None
     assert not any("nobody" in who for who in plate.loaded_by)

@@ -77,5 +77,6 @@ def test_a_walker_whose_forearms_show_no_marker_is_ready(shared_data: Path, tmp_
         segments = next(need for need in entry.needs if need.name == "segments")
         assert not segments.there
         assert segments.text.startswith(
-            "no marker shows radius_r, radius_l in the movements: how they turn is not told, all else is"
+            "no marker shows right radius, left radius in the movements: how they turn is not told, "
+            "all else is"
         )

@@ -47,7 +47,7 @@ def test_long_gaps_of_a_rigid_body_are_filled_exactly():
         ("gap_solidification", "B", 40),
         ("gap_solidification", "C", 40),
     ]
-    assert "femur_r" in result.repairs[0].detail
+    assert "right femur" in result.repairs[0].detail
 
 
 def test_short_gaps_take_the_spline_up_to_its_limit():

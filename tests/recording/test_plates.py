@@ -84,7 +84,7 @@ def type_2(moment: Array, origin: Array) -> PlateRecording:
 
 def test_moments_a_thousand_times_too_large_are_refused() -> None:
     moment = np.diag([1.0, -1.0, -1.0]) @ np.cross(POINT, FORCE)
-    with pytest.raises(TrialUnusable, match=r"off plate_1 in 100% .*N mm or N m"):
+    with pytest.raises(TrialUnusable, match=r"off plate 1 in 100% .*N mm or N m"):
         compute_ground_forces(type_2(1000 * moment, np.zeros(3)))
 
 
@@ -142,7 +142,7 @@ def test_corners_that_go_round_the_other_way_are_refused(order: list[int]) -> No
     recording = type_2(np.zeros(3), np.zeros(3))
     mirrored = replace(recording.plates[0], corners=recording.plates[0].corners[order])
     found = compute_ground_forces(replace(recording, plates=(mirrored,)))
-    with pytest.raises(TrialUnusable, match="the corners of plate_1 go round the other way"):
+    with pytest.raises(TrialUnusable, match="the corners of plate 1 go round the other way"):
         orient_forces(UP_Z, found)
 
 

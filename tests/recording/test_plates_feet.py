@@ -162,8 +162,8 @@ def test_real_plates_bear_the_feet_that_their_set_ups_name(shared_data: Path, na
     contacts = assign_plates(
         synchronise(read_forces(shared_data / name / forces), trial.times, cutoff_hz=6.0), feet
     )
-    borne = {(r.where, r.detail.split()[1]) for r in contacts.repairs if r.what == "plate_foot"}
-    assert borne == {("plate_1", "r"), ("plate_2", "l")}
+    borne = {(r.where, r.detail.split()[2]) for r in contacts.repairs if r.what == "plate_foot"}
+    assert borne == {("plate_1", "right"), ("plate_2", "left")}
     assert contacts.supported.sum() == supported  # the walker leaves two plates; the treadmill holds all
 
 
@@ -179,7 +179,7 @@ def test_a_foot_over_the_edge_of_its_plate_is_borne_by_the_floor_too() -> None:
     assert "over_edge" in whats(contacts)
     (note,) = [r for r in contacts.repairs if r.what == "over_edge"]
     assert note.where == "l"
-    assert "reaches 100 mm beyond the edge of plate_1" in note.detail
+    assert "reaches 100 mm beyond the edge of plate 1" in note.detail
     assert contacts.over_edge[SECOND, 1].all()
     assert not contacts.over_edge[:, 0].any()
     assert not contacts.supported[SECOND].any()

@@ -122,6 +122,23 @@ def test_parts_are_reached_by_their_names_and_back(open_report: Open, headline: 
     visitor.sees(headline)
 
 
+def test_notes_are_those_of_the_document_word_for_word(
+    open_report: Open, report: Path, demo_program: Path
+) -> None:
+    document = json.loads(report.with_name("comparison.json").read_text(encoding="utf-8"))
+    notes = [*document["warnings"], *(w for m in document["methods"].values() for w in m["warnings"])]
+    assert any("the right knee's axis (x, y)" in note for note in notes)
+    visitor = open_report()
+    visitor.page.locator("details summary", has_text="note").first.click()
+    shown = visitor.page.locator("main").inner_text()
+    screen = " ".join((demo_program / "screen.txt").read_text(encoding="utf-8").split())
+    summary = open_report(java_script_enabled=False).page.locator("main").inner_text()
+    for note in notes:
+        assert note in shown
+        assert note in screen
+        assert note in summary
+
+
 def test_it_fits_a_phone(open_report: Open) -> None:
     visitor = open_report(viewport={"width": 390, "height": 844})
     for title in (READ[0], "In space", *READ[1:]):

@@ -23,12 +23,12 @@ from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
+from scaling_service.core.names import spell_name
 from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import format_p
 from scaling_service.core.threads import count_cores
 from scaling_service.documents import writing
 from scaling_service.recording.orientation import check_axes
-from scaling_service.report.words import spell_name
 
 
 def write_headline(found: documents.StatisticsDocument) -> str:

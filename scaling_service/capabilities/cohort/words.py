@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import abc
 
 from scaling_service.capabilities.cohort import result as documents
+from scaling_service.core.names import spell_name
 from scaling_service.core.text import format_p
 from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
@@ -100,7 +101,7 @@ def make_screen_tables(found: documents.StatisticsDocument) -> abc.Iterator[tabl
 
 def describe_quantity(name: str) -> str:
     """A quantity's name for people."""
-    return _NAMES.get(name, words.spell_name(name))
+    return _NAMES.get(name, spell_name(name))
 
 
 def _spread(entry: documents.QuantityEntry, method: str) -> str:
@@ -133,7 +134,7 @@ def tabulate_curves(curves: abc.Sequence[documents.CurveEntry]) -> tables.Table:
     return tables.Table(
         caption="Do the methods differ along the curve?",
         columns=["angle", "subjects", "p", "where, % of the cycle", pairs],
-        rows=[tables.Row(words.spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
+        rows=[tables.Row(spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
         note="Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
         words=True,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from scaling_service.capabilities.consistent import result as documents
+from scaling_service.core.names import spell_name
 from scaling_service.documents.base import Tone
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
@@ -20,7 +21,7 @@ def summarise(document: documents.ConsistentDocument) -> Summary:
     settled = "." if document.converged else ", and they had not settled."
     before = document.lengths_before_mm
     rows = [
-        tables.Row(name, [f"{before[name]:.1f}", f"{after:.1f}"])
+        tables.Row(spell_name(name), [f"{before[name]:.1f}", f"{after:.1f}"])
         for name, after in document.lengths_mm.items()
     ]
     return Summary(

@@ -17,6 +17,7 @@ from scaling_service.capabilities.discovery.laws import candidates
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.run import track
+from scaling_service.core.names import say_name
 from scaling_service.model import body
 from scaling_service.model.anatomy.knees import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.anatomy.skin import slide_skin
@@ -142,8 +143,8 @@ def _expect(
     off = float(np.sqrt(np.mean((turn - led - reference) ** 2) / (spread**2 + unsure**2)))
     if off > _IMPLAUSIBLE:
         return (
-            f"{rotation.coordinate} is {off:.1f} standard deviations off what is published of this joint: "
-            "it is left to the markers"
+            f"{say_name(rotation.coordinate)} is {off:.1f} standard deviations off what is published of this "
+            "joint: it is left to the markers"
         )
     law = rotation.law + body.Law.constant(reference)
     return body.Expectation(rotation.coordinate, law, spread, rotation.source)

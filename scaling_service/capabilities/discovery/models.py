@@ -14,6 +14,7 @@ from scaling_service.capabilities.discovery.laws import candidates, spots
 from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
 from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
 from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.discovery.words import describe_place
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim.joints import plan_joints
 from scaling_service.files.osim.models import write_osim
@@ -67,7 +68,7 @@ def plan_osim(fit: Fit, prepared: Prepared) -> OsimPlan:
         if not effect.candidate.trials:
             reason = _describe_refusal(fit.model, [*kept, effect], effect)
             if reason:
-                left.append(f"{effect.candidate.name}: {reason}")
+                left.append(f"{describe_place(effect.candidate)}: {reason}")
             else:
                 kept.append(effect)
     model = _apply_everywhere(fit.model, kept)

@@ -133,7 +133,11 @@ def make_discovery_document(
                 )
                 for e in results.bones.expectations
             ],
-            left_out=list(results.left_out),
+            left_out=[
+                words.describe_place(e.candidate)
+                for e in results.after.effects
+                if e.candidate.name in results.left_out
+            ],
         ),
         start=prepared.start,
         fitted_trials=fitted,

@@ -27,6 +27,7 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core.arrays import Mask
 from scaling_service.core.errors import ModelRefused, TrialUnusable
+from scaling_service.core.names import say_names
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
@@ -50,7 +51,7 @@ _NOTED = (
 )  # fmt: skip
 """Repairs of forces that bear on what the search may say."""
 
-_OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
+_OWN_INERTIA = "stature or mass is not given: the model's own inertia was taken"
 
 PLAIN_METHODS = ("MB", "EB")
 """Scalings that fit no marker's place, and so take up least of what is looked for: markers, images."""
@@ -81,7 +82,7 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
         *notes,
         *unusable,
         *(
-            f"{name}: {repair.where} {repair.detail}"
+            f"{name}: {plates_feet.say_where(repair.what, repair.where)} {repair.detail}"
             for name, forces in found.items()
             for repair in forces.repairs
             if repair.what in _NOTED
@@ -203,7 +204,7 @@ def leave_out_untold(recordings: Sequence[SearchTrial]) -> tuple[tuple[SearchTri
             r = replace(r, contacts=replace(r.contacts, usable=r.contacts.usable & ~untold, steps=steps))
         kept.append(r)
     return tuple(kept), (
-        f"{list_few(sorted(faulty))}: what it bears is known in no recording, and was not compared",
+        f"{say_names(sorted(faulty))}: what it bears is known in no recording, and was not compared",
     )
 
 

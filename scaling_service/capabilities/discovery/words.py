@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.discovery import document as documents
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.core.names import say_name, say_names, say_place
 from scaling_service.core.text import format_p, list_few
 from scaling_service.documents.base import Tone
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Cell, Row, Table
-from scaling_service.report.words import spell_name, spell_place
 
 LEVELS = (
     ("whitened", "all together", "times what is ordinary"),
@@ -116,7 +117,7 @@ def describe_effect(
     'the person is heavier or lighter than declared'
     """
     place = f"{places}: " if (places := list_places(where)) else ""
-    following = f", here {list_few([spell_name(d) for d in driver])}" if driver else ""
+    following = f", here {say_names(driver)}" if driver else ""
     only = f", in {list_few(trials)} only" if trials else ""
     sizes = ", ".join(format_quantity(name, q, spread=spread) for name, q in parameters.items())
     meaning = find_effects()[kind].meaning
@@ -125,10 +126,10 @@ def describe_effect(
 
 def list_places(where: Sequence[str]) -> str:
     """Where something is, for people; empty of what concerns the whole recording."""
-    return list_few([spell_place(name) for name in where if name not in _WHOLE])
+    return list_few([say_place(name) for name in where if name not in _WHOLE])
 
 
-def describe_place(effect: documents.PlacedEffect) -> str:
+def describe_place(effect: documents.PlacedEffect | Candidate) -> str:
     """An effect in a line: what, where, along with what, in which recording.
 
     Examples
@@ -137,7 +138,7 @@ def describe_place(effect: documents.PlacedEffect) -> str:
     'plate gain at plate 1'
     """
     at = f" at {places}" if (places := list_places(effect.where)) else ""
-    following = f" with {', '.join(map(spell_place, effect.driver))}" if effect.driver else ""
+    following = f" with {', '.join(map(say_name, effect.driver))}" if effect.driver else ""
     only = f" in {', '.join(effect.trials)}" if effect.trials else ""
     said = f" ({effect.note})" if effect.note else ""
     return f"{effect.kind.replace('_', ' ')}{at}{following}{only}{said}"
@@ -314,9 +315,9 @@ def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
     if known is None:
         return
     for expected in known.expectations:
-        names = list_few([spell_name(f) for f in expected.follows])
+        names = say_names(expected.follows)
         yield (
-            f"{spell_name(expected.coordinate)} is expected about the posture in which the markers were "
+            f"{say_name(expected.coordinate)} is expected about the posture in which the markers were "
             f"placed{f', following {names}' if names else ''}, ± {format_figures(expected.sd_deg, 2)} deg "
             f"({expected.source})"
         )
@@ -335,10 +336,14 @@ def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
 
 def describe_hidden(document: documents.DiscoveryDocument) -> list[str]:
     """What a search of a virtual person should have found."""
-    return [
-        f"{describe_place(h)}: {', '.join(f'{name} {value:.3g}' for name, value in h.parameters.items())}"
-        for h in document.hidden or ()
-    ]
+    told = []
+    for hidden in document.hidden or ():
+        numbers = {
+            name: documents.QuantityDocument(value=v, sd=None) for name, v in hidden.parameters.items()
+        }
+        sizes = ", ".join(format_quantity(name, number) for name, number in numbers.items())
+        told.append(f"{describe_place(hidden)}: {sizes}")
+    return told
 
 
 # Tables and the report
@@ -349,7 +354,7 @@ def tabulate_effects(document: documents.DiscoveryDocument) -> Table:
     unseen = "held-out gap" if document.held_out_trials else "gap"
     rows: list[Row] = []
     for effect in document.effects:
-        following = f"\nwith {', '.join(map(spell_place, effect.driver))}" if effect.driver else ""
+        following = f"\nwith {', '.join(map(say_name, effect.driver))}" if effect.driver else ""
         only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
         sizes = [format_quantity(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
         more = [f"and {len(sizes) - _MOST_NUMBERS} more"] if len(sizes) > _MOST_NUMBERS else []

@@ -24,12 +24,14 @@ from scaling_service.capabilities.subject import provenance
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core import progress as progressing
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.names import say_names
 from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
 from scaling_service.recording.faults import FAULTS
+from scaling_service.recording.plates_feet import say_where
 
 _PREPARING = 0.3
 """Chosen: about the share of reading, scaling and inverse kinematics; the uncertainty takes the rest."""
@@ -284,13 +286,15 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> abc.Iterat
     for repair in forces.repairs:
         if repair.what in _WARNED_OF:
             frames = f" ({repair.frames} frames)" if repair.frames else ""
-            yield f"{repair.where}: {repair.detail}{frames}"
+            yield f"{say_where(repair.what, repair.where)}: {repair.detail}{frames}"
     still = [name for name in motion.coordinates if name not in motion.estimated]
     if still:
-        yield f"no marker shows {list_few(still)}: they stand still, and what hangs on them moves as if stiff"
+        yield (
+            f"no marker shows {say_names(still)}: they stand still, and what hangs on them moves as if stiff"
+        )
     if shaking:
         yield (
-            f"{list_few(shaking)} tremble faster than joints do: markers hardly determine them, "
+            f"{say_names(shaking)} tremble faster than joints do: markers hardly determine them, "
             "nor the residual"
         )
 

@@ -17,6 +17,7 @@ from scaling_service.capabilities.dynamics import weight as weights
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_foot
 from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import SegmentLoads
@@ -71,7 +72,7 @@ class Unmeasured:
             return f"{span} in flight: the plates bear nothing, and the motion needs nothing"
         why = {
             "chair": "the pelvis is low, as on a chair",
-            "missing_plate": f"{self.foot} stands where none measures; a plate is missing",
+            "missing_plate": f"the {say_foot(self.foot)} stands where none measures; a plate is missing",
             "step": "both feet are off the floor, as on a step or a box",
             "contact": "a hand on something, a frame or another person bears it",
         }[self.kind]

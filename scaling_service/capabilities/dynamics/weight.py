@@ -76,7 +76,8 @@ class Weight:
         if self.differs:
             said.append(
                 f"The plates bear {self.plates_kg:.1f} kg (standard deviation {self.sd_kg:.1f}), the model "
-                f"weighs {self.declared_kg:.1f} kg: check subject.mass_kg, shoes and what the person carried."
+                f"weighs {self.declared_kg:.1f} kg: check the mass that is given, shoes and what the "
+                "person carried."
             )
         if self.disagree:
             each = list_few([f"{kg:.1f} kg in {name}" for name, kg in self.by_trial.items()])

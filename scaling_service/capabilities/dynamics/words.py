@@ -7,6 +7,7 @@ from collections import abc
 from scaling_service.capabilities.dynamics import result as documents
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.shared import names
+from scaling_service.core.names import spell_name
 from scaling_service.documents.base import Tone
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
@@ -87,7 +88,7 @@ def make_inertial_tables(
         caption = f"What moved by {_NOTED:g} prior SD or more"
         rows = [
             tables.Row(
-                f"{p.segment} {p.quantity}, {p.unit}",
+                f"{spell_name(p.segment)}: {p.quantity}, {p.unit}",
                 [
                     f"{p.before:.4g}",
                     f"{p.after:.4g}",

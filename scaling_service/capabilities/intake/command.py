@@ -14,6 +14,7 @@ from rich.table import Table
 from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.core.names import say_name
 from scaling_service.core.text import list_few
 
 COMMANDS = ("proof",)
@@ -87,7 +88,7 @@ def _show(found: ProofDocument) -> None:
             for plate in recording.plates:
                 row = (
                     recording.file,
-                    plate.name,
+                    say_name(plate.name),
                     "–" if plate.kind is None else str(plate.kind),
                     "–" if plate.centre_m is None else f"{plate.centre_m[0]:.2f}, {plate.centre_m[2]:.2f}",
                     "–" if plate.peak_N is None else f"{plate.peak_N:.0f}",
@@ -145,7 +146,9 @@ def _describe_labels(found: ProofDocument) -> Iterator[str]:
     for label, segment in proposed.items():
         on.setdefault(str(segment), []).append(label)
     if proposed:
-        yield "Tracking markers: " + "; ".join(f"{segment}: {', '.join(on[segment])}" for segment in on)
+        yield "Tracking markers: " + "; ".join(
+            f"{say_name(segment)}: {', '.join(on[segment])}" for segment in on
+        )
     unused = [n for n in found.unused_labels if n not in computed and strip_prefix(n) not in proposed]
     if unused:
         yield f"Labels that are not used: {', '.join(unused)}"

@@ -11,6 +11,7 @@ from scaling_service.capabilities.intake.markers import WHOLE
 from scaling_service.capabilities.kinetics.forces import FEWEST, find_feet
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.core.errors import ModelRefused
+from scaling_service.core.names import say_names
 from scaling_service.core.text import list_few
 from scaling_service.model import builtin
 from scaling_service.model.body import BodyModel
@@ -126,11 +127,11 @@ def _check_segments(
     hidden = [name for name in list_hidden_segments(model, seen) if name not in extra.values()]
     lacking = {m.marker: m.segment for m in markers if m.segment in hidden and m.marker not in seen}
     if shown := [name for name in hidden if name in lacking.values()]:
-        text = f"no marker shows {list_few(shown)} in the movements: how they turn is not told, all else is"
+        text = f"no marker shows {say_names(shown)} in the movements: how they turn is not told, all else is"
         text += f"; {list_few(list(lacking))} would show it, or markers under `extra_markers:`"
         yield documents.Need(name="segments", there=False, required=False, text=text, give="model")
     if bare := [name for name in hidden if name not in shown]:
-        text = f"the model has no marker on {list_few(bare)}: how they turn is not told"
+        text = f"the model has no marker on {say_names(bare)}: how they turn is not told"
         yield documents.Need(name="segments", there=False, required=False, text=text, give="model")
 
 

@@ -11,6 +11,7 @@ from scaling_service.capabilities.intake import standing
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
 from scaling_service.capabilities.intake.tables import OFFSET_N, describe_plates
+from scaling_service.core.names import say_name
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
 from scaling_service.files.table_files import list_plates
@@ -24,6 +25,7 @@ from scaling_service.recording import plausibility
 from scaling_service.recording.exchanged import Exchange
 from scaling_service.recording.findings import Finding
 from scaling_service.recording.identity.identify import MOST_LABELS
+from scaling_service.recording.plates_feet import say_where
 from scaling_service.recording.sizes import DEVIATIONS
 
 Roles = abc.Mapping[str, tuple[str, str]]
@@ -170,7 +172,7 @@ def check_plates(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iter
     for name, found in offsets.items():
         low, high = (f"{value:.0f}" for value in (min(found.values()), max(found.values())))
         yield _make_warning(
-            f"{name} reads {low if low == high else f'{low} to {high}'} N while no foot is near it",
+            f"{say_name(name)} reads {low if low == high else f'{low} to {high}'} N while no foot is near it",
             "Zero the plate before recording, or subtract this offset: else it loads the person",
             file=list_few(list(found)),
         )
@@ -215,7 +217,7 @@ def check_faults(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iter
         for repair in recording.repairs:
             if repair.what in _REPAIRS:
                 yield _make_warning(
-                    f"{repair.where}: {repair.detail} ({repair.frames} frames)",
+                    f"{say_where(repair.what, repair.where)}: {repair.detail} ({repair.frames} frames)",
                     _REPAIRS[repair.what],
                     file=recording.forces_from,
                 )

@@ -13,6 +13,7 @@ import numpy as np
 from scaling_service.capabilities.subject.preparing import Loaded
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.files.forces import read_forces
 from scaling_service.model import forces as model_forces
 from scaling_service.model.body import BodyModel
@@ -69,7 +70,8 @@ def read_trial_forces(
             for k, plate in enumerate(forces.plates):
                 if loaded[:, k].any() and np.median(free[loaded[:, k], k]) > LARGEST_FREE_MOMENT:
                     raise errors.TrialUnusable(
-                        f"{plate} is twisted by {np.median(free[loaded[:, k], k]):.0f} N m, as no foot can",
+                        f"{say_name(plate)} is twisted by {np.median(free[loaded[:, k], k]):.0f} N m, "
+                        "as no foot can",
                         file=forces.name,
                         field=f"{plate}, moment",
                         remedy="Give points in m and moments in N m",

@@ -10,6 +10,7 @@ import typer
 
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.names import BONE_NAMES
+from scaling_service.core.names import say_name, spell_name
 from scaling_service.report.tables import Row, Table
 
 COMMANDS = ("landmarks",)
@@ -78,11 +79,14 @@ def landmarks(
     rows: list[Row] = []
     notes = list(document.warnings)
     for bone, points in groupby(table.rows, key=lambda row: row[0]):
-        rows.append(Row(bone))
-        rows += [Row(f"  {point}", [f"{value:.1f}" for value in values]) for _, point, *values in points]
+        rows.append(Row(spell_name(bone)))
+        rows += [
+            Row(f"  {spell_name(point)}", [f"{value:.1f}" for value in values])
+            for _, point, *values in points
+        ]
     for name, found in document.bones.items():
-        notes += [f"{name}: no {what}: {why}" for what, why in found.refused.items()]
-        notes += [f"{name}: {warning}" for warning in found.warnings]
+        notes += [f"{say_name(name)}: no {say_name(what)}: {why}" for what, why in found.refused.items()]
+        notes += [f"{say_name(name)}: {warning}" for warning in found.warnings]
     console = screen.make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
     screen.print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))

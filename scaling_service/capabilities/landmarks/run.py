@@ -14,6 +14,7 @@ from scaling_service.capabilities.landmarks import result as documents
 from scaling_service.capabilities.subject.reading import hash_file
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.core.names import say_name
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing
 
@@ -53,7 +54,8 @@ def landmark_bones(
         doubts = whole.check_joined(found)
     except results.MeshRefused as error:  # bones may each lie in a frame of their own
         doubts = (
-            f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",
+            f"{say_name(error.field or '')}: {error.problem}: another frame or person, which image-based "
+            "methods refuse",
         )
     notes = (*doubts, *imaged.tell())
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.shared import flags, screen
+from scaling_service.core.names import say_name
 from scaling_service.core.text import list_few
 from scaling_service.report.tables import Row, Table
 
@@ -76,7 +77,9 @@ def ik(
     rows = []
     for name, trial in document.trials.items():
         error = trial.kinematic_error_mm
-        lost = list_few([*trial.not_determined, *(f"{n} at times" for n in trial.frames_not_determined)])
+        names = [*map(say_name, trial.not_determined)]
+        names += [f"{say_name(name)} at times" for name in trial.frames_not_determined]
+        lost = list_few(names)
         numbers = ["–" if v is None else f"{v:.1f}" for v in (error.mean, error.rms, error.max)]
         rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
     columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]

@@ -25,6 +25,7 @@ from scaling_service.capabilities.motion.solving import guess_start, solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.names import say_name
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
 from scaling_service.model import compile as compiling
@@ -241,7 +242,9 @@ def _tell(
     misfits: abc.Mapping[str, float],
     facing: float | None,
 ) -> abc.Iterator[Note]:
-    used = ", ".join(f"{label} on {segment}" for label, segment in matched.items() if segment is not None)
+    used = ", ".join(
+        f"{label} on {say_name(segment)}" for label, segment in matched.items() if segment is not None
+    )
     yield Note(code="rotations", severity="note", problem=f"rotations are followed: {used}")
     ignored = [label for label in matched if rotations.is_ignored(label)]
     left = [label for label, segment in matched.items() if segment is None and label not in ignored]

@@ -6,10 +6,10 @@ from collections import abc
 
 import numpy as np
 
+from scaling_service.core.names import spell_name
 from scaling_service.model import body
 from scaling_service.model import compile as compiling
 from scaling_service.model.results import Motion
-from scaling_service.report.words import spell_name
 
 _LONG = 0.1
 """Share of a recording from which on a stop is told. Chosen: a tenth shows in means and ranges."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import abc
 
+from scaling_service.core.names import spell_name
 from scaling_service.documents import results
 from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
@@ -86,7 +87,7 @@ def tabulate_lengths(methods: Methods, truth: abc.Mapping[str, float]) -> tables
     for name in words.unite_keys(m.segment_lengths_mm for m in methods.values()):
         cells = [_format_length(m, name, truth.get(name)) for m in methods.values()]
         known = [words.number(truth.get(name))] if truth else []
-        rows.append(tables.Row(words.spell_name(name), [*cells, *known]))
+        rows.append(tables.Row(spell_name(name), [*cells, *known]))
     note = "Between joint centres. ± is one standard deviation, from the errors of markers and sizes."
     note += " In brackets: the difference from the truth." if truth else ""
     return _make_table("Segment lengths, mm", methods, rows, note, ["truth"] if truth else [])

@@ -10,6 +10,7 @@ import numpy as np
 
 from scaling_service.capabilities.subject.understanding import Understood
 from scaling_service.core import errors, notes
+from scaling_service.core.names import say_plates
 from scaling_service.core.text import list_few
 from scaling_service.model import body
 from scaling_service.model import subject as subjects
@@ -201,7 +202,7 @@ def summarise_recordings(
                 yield notes.Note(
                     code=repair.what,
                     place=trial.name,
-                    problem=f"{repair.where}: {repair.detail}{count}",
+                    problem=f"{say_plates(repair.where)}: {repair.detail}{count}",
                     remedy=_REMEDIES.get(repair.what, _LOOK_THERE if repair.frames else notes.LOOK),
                 )
 

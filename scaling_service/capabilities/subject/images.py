@@ -9,6 +9,7 @@ import numpy as np
 
 from scaling_service.bones import images, results, whole
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.names import say_name
 from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.model import body, trial
@@ -62,12 +63,14 @@ def read_images(subject: Subject) -> Imaged | None:
         raise results.MeshRefused(error.problem, file=file, field=name, remedy=error.remedy) from None
     notes: list[Note] = []
     for name, bone in found.items():
-        notes.extend(Note(code="bone", place=name, problem=text) for text in bone.warnings)
+        called = say_name(name)
+        notes.extend(Note(code="bone", place=name, called=called, problem=text) for text in bone.warnings)
         notes.extend(
             Note(
                 code="landmark_refused",
                 place=name,
-                problem=f"{point} was not taken: {why}",
+                called=called,
+                problem=f"{say_name(point)} was not taken: {why}",
                 remedy="Look at the surface of the bone there; without the point, the others are used",
             )
             for point, why in bone.refused.items()

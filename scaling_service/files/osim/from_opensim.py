@@ -113,7 +113,8 @@ def _list_notes(model: Any, followed: abc.Sequence[model_body.Constraint]) -> ab
         if c.get_prescribed() and _find_prescribed(c) is None
     ]
     if moved:
-        yield f"prescribed as functions of time, here estimated from markers: {', '.join(moved)}"
+        names = ", ".join(f"'{name}'" for name in moved)
+        yield f"prescribed as functions of time, here estimated from markers: {names}"
     idle = [
         item.getName() for item in library.list_items(model.getConstraintSet()) if not item.get_isEnforced()
     ]

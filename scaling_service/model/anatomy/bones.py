@@ -11,6 +11,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.names import say_name
 from scaling_service.core.notes import Note
 from scaling_service.documents.subject import BoneName
 from scaling_service.model import body, poses
@@ -66,7 +67,7 @@ def assign_bones(model: body.BodyModel, said: Mapping[str, str]) -> tuple[body.B
         Note(
             code="bones",
             problem=f"bones by {source}: "
-            f"{', '.join(f'{bone} is {name}' for bone, name in pairs.items())}{more}",
+            f"{', '.join(f'{say_name(bone)} is {name!r}' for bone, name in pairs.items())}{more}",
         )
         for source, pairs, more in (
             ("the subject file", said, ""),

@@ -14,6 +14,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.core.names import say_name
 from scaling_service.model import body, poses
 from scaling_service.model import inertia as inertias
 
@@ -237,7 +238,10 @@ def _with_inertia(
         tensor[i, j] = tensor[j, i] = value
     tensor, changed = find_possible_tensor(tensor)
     if changed:
-        notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
+        notes.append(
+            f"the tensor of the {say_name(role)} breaks the triangle inequality; the nearest "
+            "possible was taken"
+        )
     return replace(segment, mass=mass, com=body.to_vector(com), inertia=inertias.take_six(tensor))
 
 

@@ -6,6 +6,7 @@ from collections import Counter, abc
 from dataclasses import replace
 
 from scaling_service.core import text
+from scaling_service.core.names import say_name
 from scaling_service.core.notes import Note
 from scaling_service.model.anatomy import markers
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
@@ -118,7 +119,7 @@ def _tell_elsewhere(elsewhere: abc.Mapping[str, tuple[str, Identity]]) -> abc.It
         yield Note(
             code="elsewhere",
             place=label,
-            problem=f"it is said to be on {segment}, and by where it stands and how it moves it is on "
-            f"{one.segment}: {one.why}",
-            remedy=f"Give it as one of {one.segment} under `extra_markers:`, or leave it out",
+            problem=f"it is said to be on the {say_name(segment)}, and by where it stands and how it moves "
+            f"it is on the {say_name(one.segment or '')}: {one.why}",
+            remedy=f"Give it as one of `{one.segment}` under `extra_markers:`, or leave it out",
         )

@@ -7,6 +7,7 @@ from collections import abc
 import numpy as np
 
 from scaling_service.capabilities.cohort import result as cohorts
+from scaling_service.core.names import say_name
 from scaling_service.studies import claims
 from scaling_service.studies.puchaud2019 import result as documents
 
@@ -40,7 +41,7 @@ def lengths_differ(study: documents.Puchaud2019Document) -> claims.Answer:
     tests = {name: _test(study, "segment_lengths_mm", name) for name in documents.LENGTHS}
     return claims.Answer(
         all(t.significant for t in tests.values()),
-        ", ".join(f"{name} {_format_p(t.p)}" for name, t in tests.items()),
+        ", ".join(f"{say_name(name)} {_format_p(t.p)}" for name, t in tests.items()),
     )
 
 
@@ -53,8 +54,8 @@ def _compare_with_image(
     return claims.Answer(
         all(p.significant is differ for p in pairs.values()),
         ", ".join(
-            f"{name} {_average_difference(tests[name], method, 'EB'):+.1f} ± {p.difference_sd:.1f} mm "
-            f"({_format_p(p.p)})"
+            f"{say_name(name)} {_average_difference(tests[name], method, 'EB'):+.1f} ± "
+            f"{p.difference_sd:.1f} mm ({_format_p(p.p)})"
             for name, p in pairs.items()
         ),
     )

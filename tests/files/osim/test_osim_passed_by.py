@@ -99,7 +99,7 @@ def test_coordinates_prescribed_in_time_are_estimated(built):
     model = read_osim(path)
     assert not model.coordinate("j_0").locked
     assert (model.coordinate("j_1").locked, model.coordinate("j_1").default) == (True, 0.3)
-    assert [note for note in model.notes if "functions of time" in note and note.endswith(": j_0")]
+    assert [note for note in model.notes if "functions of time" in note and note.endswith(": 'j_0'")]
 
 
 @pytest.mark.parametrize("version", ["20302", "30000"])

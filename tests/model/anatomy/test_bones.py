@@ -45,7 +45,7 @@ def test_joints_tell_the_bones_that_names_tell(shared_data, file: str) -> None:
     blank, new = without_names(model)
     reported, notes = assign_bones(blank, {})
     assert dict(reported.bones) == {bone: new[str(find_body(model, bone))] for bone in BONES}
-    assert any("femur_r is" in note and "`bone_bodies:`" in note for note in map(str, notes))
+    assert any("right femur is" in note and "`bone_bodies:`" in note for note in map(str, notes))
     for name in ("femur_r", "shank_l", "inter_hip"):
         assert measure_segment_lengths(reported)[name] == pytest.approx(
             measure_segment_lengths(model)[name], abs=1e-12
@@ -104,7 +104,7 @@ def test_a_person_overrides_what_is_found() -> None:
     said = {bone: new[bone] for bone in ("pelvis", "femur_r", "tibia_r")}
     reported, notes = assign_bones(model, said)
     assert dict(reported.bones) == said
-    assert "femur_r is" in str(notes[0])
+    assert "right femur is" in str(notes[0])
     centre, known = (
         find_joint_centres(reported)["hip_r"],
         find_joint_centres(load_builtin("lower_limb_14dof"))["hip_r"],

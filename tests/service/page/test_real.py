@@ -55,7 +55,7 @@ def test_files_of_a_laboratory_are_understood(visit: Visit, url: str, shared_dat
     for name, use in uses.items():
         assert visitor.page.get_by_label(f"Use of {name}").input_value() == use
     visitor.press("3 Laboratory")
-    visitor.sees("plate_1 up to")
+    visitor.sees("plate 1 up to")
     assert (
         visitor.page.locator("dt", has_text="walking").locator("+ dd").inner_text()
         == "1.7 m, along the arrow"

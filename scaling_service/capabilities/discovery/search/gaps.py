@@ -18,6 +18,7 @@ from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import UNITS, Observable, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 
 _NORMAL_95 = 1.96
 _CORRELATED = (
@@ -258,8 +259,8 @@ def describe_course(fit: Fit, place: str) -> str:
         k = int(np.argmax(share))
         if share[k] > best:
             best = float(share[k])
-            where = "" if place in COMPONENTS else f" along {'xyz'[axis]} of the room"
-            said = f"{names[k]}{where}: {best:.0%} of its variance"
+            where = "" if place in COMPONENTS else f" (seen along {'xyz'[axis]} of the room)"
+            said = f"{say_name(names[k])}{where}: {best:.0%} of its variance"
     return said
 
 

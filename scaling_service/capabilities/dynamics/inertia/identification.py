@@ -20,6 +20,7 @@ from scaling_service.capabilities.dynamics.inertia import evidence as weighing
 from scaling_service.capabilities.dynamics.inertia import parameters as inertia_parameters
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name, say_names
 from scaling_service.core.text import list_few
 from scaling_service.model import compile as compiling
 from scaling_service.model import inertia
@@ -251,7 +252,7 @@ def identify_inertia(
     repaired: list[str] = []
     if wrong:
         tensors = np.array([tensor for tensor, _ in nearest])
-        said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
+        said = f"no body can have the inertia of {say_names(wrong)}: the nearest possible one was taken"
         model, repaired = inertia.with_inertias(model, dataclasses.replace(inertias, tensor=tensors)), [said]
     if not fitted:
         raise errors.InputError(
@@ -290,7 +291,9 @@ def identify_inertia(
     if not result.combinations:
         hint = "; the total mass was held, too" if settings.mass_known else ""
         notes.append(f"the recordings say less than the prior about every combination: nothing moved{hint}")
-    surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
+    surprises = [
+        f"{say_name(p.segment)} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING
+    ]
     if surprises:
         notes.append(
             f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "

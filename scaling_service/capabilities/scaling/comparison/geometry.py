@@ -11,6 +11,7 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.methods.osim_image_based import find_axis_in_parent
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.model import body, parameters, results
 from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import lengths as anatomy_lengths
@@ -218,7 +219,7 @@ def list_doubts(
             shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
             if shown:
                 lost.append(
-                    f"{name} of {', '.join(shown)} is unusual for a height of {height_m:.2f} m "
+                    f"{say_name(name)} of {', '.join(shown)} is unusual for a height of {height_m:.2f} m "
                     f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
                 )
     return tuple(lost)

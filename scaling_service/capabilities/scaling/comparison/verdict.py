@@ -12,10 +12,10 @@ from typing import Literal
 
 from scaling_service.capabilities.scaling.comparison import evidence as judging
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
+from scaling_service.core.names import say_names, say_parameters, spell_name
 from scaling_service.core.text import list_few
 from scaling_service.documents.base import Tone
 from scaling_service.documents.results import TrustNote, VerdictDocument
-from scaling_service.report import words
 
 ANSWER = "MAP"
 """The method that weighs markers, images and what is ordinary in people, and states what is left open."""
@@ -93,7 +93,7 @@ def judge(evidence: judging.Evidence) -> VerdictDocument:
             "counts what they leave open; deviations are one standard deviation of the worst."
         )
     if chosen.by_people:
-        known = list_few(words.spell_parameters(chosen.by_people))
+        known = list_few(say_parameters(chosen.by_people))
         why.append(f"People in general say more about {known} than these recordings do.")
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
@@ -128,7 +128,7 @@ def _describe_moment(worst: judging.Moment | None) -> str:
 
 
 def _describe_unusual(lengths: tuple[str, ...]) -> str:
-    return f"{list_few(lengths)} would be unusual for the person's height."
+    return f"{say_names(lengths)} would be unusual for the person's height."
 
 
 def _write_headline(chosen: judging.MethodEvidence, strength: Strength, evidence: judging.Evidence) -> str:
@@ -173,7 +173,7 @@ def _rate_geometry(chosen: judging.MethodEvidence, evidence: judging.Evidence) -
     if odd:
         return "poor", _describe_unusual(odd)
     text = " ".join(
-        f"{what} to ± {format_mm(sds[worst])} mm ({words.spell_name(worst)})."
+        f"{what} to ± {format_mm(sds[worst])} mm ({spell_name(worst)})."
         for what, sds in (("Lengths", chosen.length_sds), ("Hip centres in the pelvis", chosen.centre_sds))
         if sds
         for worst in [max(sds, key=lambda name: sds[name])]
@@ -188,7 +188,7 @@ def _rate_angles(chosen: judging.MethodEvidence) -> Graded:
         return "unknown", "Their deviations are not known here: see `ik`."
     sds: abc.Mapping[str, float] = chosen.angle_sds
     worst = max(sds, key=lambda name: sds[name])
-    most = f"{_format_deg(sds[worst])} at most ({words.spell_name(worst)})"
+    most = f"{_format_deg(sds[worst])} at most ({spell_name(worst)})"
     text = f"To ± {most}, RMS over frames; 5° may mislead a reader."
     return _grade(sds[worst], ANGLE_GOOD, ANGLE_FAIR), text
 

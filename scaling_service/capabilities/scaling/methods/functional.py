@@ -16,6 +16,7 @@ from scaling_service.capabilities.scaling.methods import placement
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.core.text import list_few
 from scaling_service.model import parameters
 from scaling_service.model import poses as posing
@@ -158,10 +159,10 @@ def _find_both_sides(
     for side in "rl":
         try:
             found[side], trials_used = find(posture, trials, side)
-            notes.append(f"MB: {joint}_{side}: {what} from {trials_used}")
+            notes.append(f"MB: {say_name(f'{joint}_{side}')}: {what} from {trials_used}")
         except _NotFound as why:
-            reasons.append(f"{joint}_{side}: {why}")
-            notes.append(f"MB: {joint}_{side}: no {what}, {instead} in its place: {why}")
+            reasons.append(f"{say_name(f'{joint}_{side}')}: {why}")
+            notes.append(f"MB: {say_name(f'{joint}_{side}')}: no {what}, {instead} in its place: {why}")
     if not found:
         raise errors.TrialUnusable(
             f"no {what} of a {joint} can be found: {'; '.join(reasons)}",
@@ -205,8 +206,8 @@ def _select_moving(
         if len(shown) < rigid.MIN_POINTS:
             said = f" ({', '.join(shown)})" if shown else ""
             raise _NotFound(
-                f"{cluster.segment} carries {len(shown)} markers that the static trial (or its stand-in) and "
-                f"the movements both show{said}, and its pose needs {rigid.MIN_POINTS}"
+                f"{say_name(cluster.segment)} carries {len(shown)} markers that the static trial (or its "
+                f"stand-in) and the movements both show{said}, and its pose needs {rigid.MIN_POINTS}"
             )
         clusters.append(cluster)
     names, kept, best = [], [], np.zeros(len(limits_deg))
@@ -291,7 +292,7 @@ def with_functional(
             tilts[joint] = _tilt(points, axis, side, settings)
             model = placement.with_axis(model, joint, tilts[joint])
         except _NotFound as doubt:
-            notes.append(f"MB: {joint}: the epicondyles in its place: {doubt}")
+            notes.append(f"MB: {say_name(joint)}: the epicondyles in its place: {doubt}")
     return model, tilts, tuple(notes)
 
 

@@ -25,6 +25,7 @@ from scaling_service.capabilities.scaling.methods.image_check import doubt_landm
 from scaling_service.capabilities.scaling.sizes import sizing as personal_sizes
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.names import say_name, say_names
 from scaling_service.core.text import list_few
 from scaling_service.model import body, parameters, results, trial
 from scaling_service.model.anatomy.frames import Frames, build_femur_frame
@@ -186,7 +187,8 @@ def _list_osim_notes(
     """
     words = {"r": "right", "l": "left"}
     joints = {segment.name: segment.joint_name for segment in found.model.segments}
-    notes = [f"EB: on bones: {', '.join(f'{name} (joint {joints[name]})' for name in found.poses)}"]
+    posed = [f"{say_name(name)} (joint {say_name(joints[name])})" for name in found.poses]
+    notes = [f"EB: on bones: {', '.join(posed)}"]
     for joint, move in found.moves.items():
         shift, turn, child = (float(np.linalg.norm(v)) for v in (move.shift, move.turn, move.child_turn))
         sizes = (
@@ -196,15 +198,15 @@ def _list_osim_notes(
         )
         said = [words.format(size) for size, words in sizes if size >= _WORTH_SAYING]
         if said:
-            notes.append(f"EB: beyond scaling, the image moves {joint}: {', '.join(said)}")
+            notes.append(f"EB: beyond scaling, the image moves {say_name(joint)}: {', '.join(said)}")
     if others:
         notes.append(
-            f"EB: {list_few(sorted(others))}: of a leg that was not imaged, sized as in persons with such a "
+            f"EB: {say_names(sorted(others))}: of a leg that was not imaged, sized as in persons with such a "
             f"{' and '.join(words[s] for s in parts.thighs)} leg, as far as markers allow"
         )
     rest = [name for name in found.model.segment_names if name not in found.ratios.keys() | others]
     if rest:
-        notes.append(f"EB: without a bone's length, sized by markers: {list_few(rest)}")
+        notes.append(f"EB: without a bone's length, sized by markers: {say_names(rest)}")
     carried = [
         m for m in found.model.markers if m.weight > 0.0 and m.segment in found.poses and m.name not in placed
     ]

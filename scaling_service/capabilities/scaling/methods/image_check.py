@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.names import say_name
 from scaling_service.model import people as population
 from scaling_service.model import trial
 from scaling_service.model.anatomy.frames import build_pelvis_frame
@@ -76,8 +77,8 @@ def _compare_hips(evidence: trial.ImageEvidence) -> Iterator[str]:
         if deviations <= _DOUBTFUL:
             continue
         said = (
-            f"hip_{side} lies {1e3 * float(np.linalg.norm(off)):.0f} mm from where people's hips lie in "
-            "a pelvis of such spines"
+            f"{say_name(f'hip_{side}')} lies {1e3 * float(np.linalg.norm(off)):.0f} mm from where people's "
+            "hips lie in a pelvis of such spines"
         )
         if deviations > _IMPOSSIBLE:
             raise SubjectInvalid(said, field="bones.pelvis", remedy=_HIP_REMEDY[0].upper() + _HIP_REMEDY[1:])

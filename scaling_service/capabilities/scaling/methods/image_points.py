@@ -11,6 +11,7 @@ from scaling_service.capabilities.scaling.methods.marker_based import scale_line
 from scaling_service.capabilities.scaling.methods.people_prior import ENDS, SPINES
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.names import say_name
 from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
@@ -104,7 +105,7 @@ def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[s
     for name in sorted(marked.keys() & shown.keys() & parts.keys()):
         off = shown[name] / marked[name] - 1.0
         bone, skin = 1e3 * shown[name], 1e3 * marked[name]
-        said = f"{name} is {bone:.0f} mm by the bones and {skin:.0f} mm by the markers"
+        said = f"{say_name(name)} is {bone:.0f} mm by the bones and {skin:.0f} mm by the markers"
         if parts[name] in imaged and abs(off) > _IMPOSSIBLE:
             raise SubjectInvalid(
                 said,
@@ -172,7 +173,7 @@ def size_by_lengths(
     found = scale_linearly(session, settings, lengths)
     parts = {name: name.replace("shank", "tibia").replace("inter_hip", "pelvis") for name in lengths}
     own = [s for part in parts.values() if (s := find_segment(found.model, *_split_role(part))) is not None]
-    sizes = ", ".join(f"{name} {1e3 * length:.0f} mm" for name, length in lengths.items())
+    sizes = ", ".join(f"{say_name(name)} {1e3 * length:.0f} mm" for name, length in lengths.items())
     notes = [
         f"EB: neither a pelvis with a hip nor a whole thigh was imaged: bones give {sizes}; joints' axes and "
         "centres stay as markers have them, and other sizes are those of persons with such bones, as far as "

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from scaling_service.capabilities.scaling.methods import fitting
 from scaling_service.capabilities.scaling.sizes import measurements
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.names import say_name, say_names, say_parameters
 from scaling_service.core.text import list_few
 from scaling_service.model import body, parameters, results
 from scaling_service.model.anatomy.markers import find_canonical
@@ -143,7 +144,7 @@ def _list_warnings(
     bound = [p.name for p in estimated if p.at_bound]
     loose = [p.name for p in estimated if not p.identifiable]
     far = [
-        f"{p.target} ({100.0 * (p.value - 1.0):+.0f} %)"
+        f"{say_name(p.target)} ({100.0 * (p.value - 1.0):+.0f} %)"
         for p in estimated
         if p.group == "length" and abs(p.value - 1.0) > _FAR * sds.get(p.target, math.inf)
     ]
@@ -156,12 +157,13 @@ def _list_warnings(
     if bound:
         found.append(
             f"{method}: {len(bound)} of {len(estimated)} parameters stopped at their bounds: "
-            f"{list_few(bound)}"
+            f"{list_few(say_parameters(bound, components=True))}"
         )
     if doubt.free_directions:
         found.append(
             f"{method}: {doubt.free_directions} combinations of parameters are not determined by these "
-            f"recordings; the first guess decides them, so these mean little alone: {list_few(loose)}"
+            f"recordings; the first guess decides them, so these mean little alone: "
+            f"{list_few(say_parameters(loose, components=True))}"
         )
     return tuple(found)
 
@@ -183,7 +185,7 @@ class Optimised:
         if not kept or not self.needs_images:
             return []
         return [
-            f"{self.name}: {list_few(kept)} turn freely in three ways, so no turn of their axes is fitted: "
+            f"{self.name}: {say_names(kept)} turn freely in three ways, so no turn of their axes is fitted: "
             f"they stay as in {self.needs}"
         ]
 

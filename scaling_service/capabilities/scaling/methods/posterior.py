@@ -25,6 +25,7 @@ from scaling_service.capabilities.scaling.methods.optimised import find_tiltable
 from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.names import say_parameters
 from scaling_service.core.text import list_few
 from scaling_service.model import body, parameters, results
 from scaling_service.model import people as population
@@ -38,7 +39,6 @@ from scaling_service.numerics.least_squares.problem import Outcome, find_seen
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.report.words import spell_parameters
 
 _LEVELS = 4  # chosen: looks at how much this person's skin moves against ordinary people's
 _FIRST_STEPS = 3  # chosen: of all looks but the last; residuals are what they will be long before the end
@@ -392,7 +392,7 @@ def _list_warnings(
         yield f"MAP: stopped after {found.steps} steps before it converged"
     loose = [p.name for p in estimated if p.group in ("length", "centre", "axis") and not p.identifiable]
     if loose:
-        known = list_few(spell_parameters(loose))
+        known = list_few(say_parameters(loose))
         yield (
             f"MAP: people's ordinary sizes say more about {known} than these recordings; "
             "the deviations stated count that"

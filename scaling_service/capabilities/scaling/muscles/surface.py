@@ -13,6 +13,7 @@ from scaling_service.bones import morph
 from scaling_service.bones.results import MeshRefused
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.core.text import list_few
 from scaling_service.files.osim import muscles as osim_muscles
 from scaling_service.model import results
@@ -54,24 +55,26 @@ def follow_surfaces(
     moved: dict[str, MovedAttachments] = {}
     moved_wraps: list[osim_muscles.Wrap] = []
     notes = [
-        f"{calibration.method}: the model's {list_few(names)} of {segment} is not beside it or in Geometry/"
+        f"{calibration.method}: the model's {list_few(names)} of the {say_name(segment)} is not beside it or "
+        "in Geometry/"
         for segment, names in surfaces.absent.items()
     ]
     for segment, person in persons.items():
+        attached = f"attachments on the {say_name(segment)}"
         here = [point for point in points if point.segment == segment]
         if not here or segment not in surfaces.bones:
             continue
         try:
             mapped = morph.map_surface(surfaces.bones[segment], person, *_find_centres(calibration, segment))
         except MeshRefused as error:
-            notes.append(f"{calibration.method}: attachments on {segment} are scaled: {error}")
+            notes.append(f"{calibration.method}: {attached} are scaled: {error}")
             continue
         before = np.array([point.at for point in here])
         over = [wrap for wrap in wraps if wrap.segment == segment]
         centres = np.array([wrap.at for wrap in over]).reshape(-1, 3)
         sizes = mapped.sizes(np.concatenate([before, centres]))
         if sizes.min() <= 0.0:
-            notes.append(f"{calibration.method}: attachments on {segment} are scaled: the map would fold")
+            notes.append(f"{calibration.method}: {attached} are scaled: the map would fold")
             continue
         after = mapped(before)
         distances = np.stack([morph.measure_distances(person, at) for at in (before, after)], axis=1)
@@ -81,8 +84,8 @@ def follow_surfaces(
         moved_wraps += [dataclasses.replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
         off, now = 1e3 * np.median(moved[segment].distances, axis=0)
         notes.append(
-            f"{calibration.method}: {len(moved[segment].points)} attachments on {segment} follow its "
-            f"surface: {off:.1f} mm from the bone as scaled, {now:.1f} mm now (medians); "
+            f"{calibration.method}: {len(moved[segment].points)} {attached} follow its surface: "
+            f"{off:.1f} mm from the bone as scaled, {now:.1f} mm now (medians); "
             f"{1e3 * mapped.left_m:.1f} mm are left between the surfaces"
         )
     every = [point for found in moved.values() for point in found.points]

@@ -20,6 +20,7 @@ from functools import partial
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.core.names import say_name
 from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.body import Vector
@@ -209,7 +210,9 @@ def open_axes(
                 across = SegmentMeasurement(segments=(segment,), pairs=(((lateral,), (medial,)),))
                 length, breadth = factors[segment][1], measure_first(partial(compute_ratio, across))
                 if breadth is None:
-                    notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")
+                    notes.append(
+                        f"MB: {say_name(segment)}: breadth not measured ({lateral}, {medial}): as its length"
+                    )
                 else:
                     opened[segment] = (0.5 * (length + breadth), length, breadth)
     return opened, tuple(notes)

@@ -23,6 +23,7 @@ from scaling_service.capabilities.scaling.sizes.measurements import open_axes
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.names import say_name, say_names
 from scaling_service.core.text import list_few
 from scaling_service.model import body, results
 from scaling_service.model import subject as subjects
@@ -297,7 +298,7 @@ def _size_by_own_markers(session: subjects.Session, people: tuple[points.PersonP
             remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
         )
     note = (
-        f"MB: {list_few(list(sizes))}: sized by the distances between the model's markers on them, none of "
+        f"MB: {say_names(sizes)}: sized by the distances between the model's markers on them, none of "
         "which is a landmark that is known here"
     )
     found = _with_followers(model, sizes)
@@ -359,7 +360,7 @@ def _write_notes(
         taken, all_pairs = ratios.measurements.count(measurement), len(measurement.pairs)
         if taken < all_pairs:
             own = [s for s in model.segment_names if model.bone_of(s) in measurement.segments]
-            notes.append(f"MB: {', '.join(own)} measured on {taken} of {all_pairs} distances")
+            notes.append(f"MB: {', '.join(map(say_name, own))} measured on {taken} of {all_pairs} distances")
     known = [
         name
         for name, value in (("stature", subject.height_m), ("mass", subject.mass_kg), ("sex", subject.sex))
@@ -371,13 +372,13 @@ def _write_notes(
     ]
     if unmeasured:
         notes.append(
-            f"MB: {list_few(unmeasured)}: not measured; the size is that of {like}, as far as the other "
+            f"MB: {say_names(unmeasured)}: not measured; the size is that of {like}, as far as the other "
             f"segments allow (standard deviation {format_percent([sizes[n].sd for n in unmeasured])})"
         )
     following = [name for name in sizes if find_dimension(model.bone_of(name)) is None]
     if following:
         notes.append(
-            f"MB: {list_few(following)}: scaled as the segment that carries it, for nothing else is known"
+            f"MB: {say_names(following)}: scaled as the segment that carries it, for nothing else is known"
         )
     return notes
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.sizes import sizing
 from scaling_service.capabilities.scaling.sizes.ratios import Ratios
-from scaling_service.core.text import list_few
+from scaling_service.core.names import say_names
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.body import Vector
 from scaling_service.model.subject import Session
@@ -70,7 +70,7 @@ def size_without_markers(session: Session) -> sizing.Sizing:
         f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value
     ]
     like = " and ".join(known) or "nothing known"
-    beside = f", and by joint centres without markers ({list_few(list(lengths))})" if lengths else ""
+    beside = f", and by joint centres without markers ({say_names(lengths)})" if lengths else ""
     deviations = sizing.format_percent([size.sd for size in sizes.values()])
     note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
     return sizing.Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))

@@ -5,7 +5,7 @@ import { link, type Place } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
 import { problemBox, sentence } from "../ui/problem.ts";
-import { number, plural } from "../ui/words.ts";
+import { number, plural, words } from "../ui/words.ts";
 
 const AXES = ["+x", "-x", "+y", "-y", "+z", "-z"];
 
@@ -31,7 +31,7 @@ export function orientation(recording: RecordingProof, proof: ProofDocument, pla
 function forcesInWords(plates: RecordingProof["plates"], from: string | null): string {
   if (plates.length === 0) return "none";
   const described = plates.map(({ name, peak_N, loaded_by }) =>
-    [peak_N === null ? name : `${name} up to ${number(peak_N, 0)} N`, ...(loaded_by.length === 0 ? [] : [`(${loaded_by.join("; ")})`])].join(" "));
+    [peak_N === null ? words(name) : `${words(name)} up to ${number(peak_N, 0)} N`, ...(loaded_by.length === 0 ? [] : [`(${loaded_by.join("; ")})`])].join(" "));
   return `${described.join(", ")}${from === null ? "" : `, from ${from}`}`;
 }
 

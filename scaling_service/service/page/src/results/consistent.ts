@@ -60,7 +60,7 @@ function inertia({ inertial }: ConsistentDocument): HTMLElement {
     caption: "Inertia, SI units",
     name: "consistent_inertia",
     columns: ["segment", "quantity", "before", "after", "SD", "moved, SD of the prior", "told by the recordings"].map((title) => ({ title })),
-    rows: inertial.map((one) => [cell(one.segment), cell(one.quantity), cell(figures(one.before), one.before), cell(figures(one.after), one.after),
+    rows: inertial.map((one) => [cell(words(one.segment)), cell(one.quantity), cell(figures(one.before), one.before), cell(figures(one.after), one.after),
       cell(figures(one.sd), one.sd), cell(figures(one.moved), one.moved), cell(one.identifiable ? "yes" : "no")]),
     filter: true,
   });

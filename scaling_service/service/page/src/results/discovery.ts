@@ -6,7 +6,7 @@ import { vocabulary } from "../api/vocabulary.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h, vary } from "../ui/dom.ts";
-import { few, figures, percent, spoken, words } from "../ui/words.ts";
+import { few, figures, shareInWords, words } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { unseen } from "./unseen.ts";
 import { places, what } from "./what.ts";
@@ -42,7 +42,7 @@ const cautionsOf = ({ effects }: DiscoveryDocument): string[] =>
   effects.flatMap(({ belief }) => belief?.cautions ?? []);
 
 const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
-  callout(spoken(document.headline, Object.keys(document.repairs)), document.tone ?? "plain", ...more);
+  callout(document.headline, document.tone ?? "plain", ...more);
 
 /** All that was found; steps after the first show only the summary above their own pictures. */
 function verdict(document: DiscoveryDocument, hidden: readonly string[], inReport: boolean): HTMLElement[] {
@@ -54,29 +54,29 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
-      told(document, effects.slice(0, lines), 1),
-      effects.length > lines && folded(lines > 0 ? `${effects.length - lines} more` : `${effects.length} named, which take next to nothing off the gap`, told(document, effects.slice(lines), lines + 1)),
-      ...unexplained.slice(0, MOST).map(({ where, law }) => h("p", null, `Beyond what is ordinary, and no effect that is known${at(where)}: ${spoken(law, Object.keys(document.repairs))}.`)),
+      told(effects.slice(0, lines), 1),
+      effects.length > lines && folded(lines > 0 ? `${effects.length - lines} more` : `${effects.length} named, which take next to nothing off the gap`, told(effects.slice(lines), lines + 1)),
+      ...unexplained.slice(0, MOST).map(({ where, law }) => h("p", null, `Beyond what is ordinary, and no effect that is known${at(where)}: ${law}.`)),
       more !== "" && h("p", null, `And at ${more}.`),
     ),
-    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
+    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions)) : h("span"),
     hidden.length > 0 ? folded("What had been hidden in this virtual person", bullets(hidden)) : h("span"),
     bones(document),
-    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes.map((one) => spoken(one, Object.keys(document.repairs))))) : h("span"),
+    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];
 }
 
 const at = (where: readonly string[]): string => (places(where).length === 0 ? "" : `, at ${few(places(where))}`);
 
 /** A line for each effect, counted from a number on. */
-export const told = ({ repairs }: DiscoveryDocument, effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
-  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, spoken(name, Object.keys(repairs)), share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
+export const told = (effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
+  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, advice, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), advice !== "" && h("div", null, advice), belief != null && h("div", { class: "quiet" }, belief.summary))));
 
 /** How much of what did not fit an effect it takes off, as a bar. */
 function share(gain: number | null): HTMLElement | false {
   if (gain === null || gain <= 0) return false;
   const bar = vary(h("i", { "aria-hidden": "true" }), { "--share": String(Math.min(gain, 1)) });
-  return h("div", { class: "share" }, bar, `takes ${percent(gain)} off the squared gap of what did not fit it`);
+  return h("div", { class: "share" }, bar, `takes ${shareInWords(gain)} off the squared gap of what did not fit it`);
 }
 
 /** What is known of the bones beside the effects; `ik` takes it from the model. */

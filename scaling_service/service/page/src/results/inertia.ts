@@ -4,7 +4,7 @@ import type { IdentificationDocument } from "../api/schema.ts";
 import { bullets, callout } from "../ui/blocks.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { figures, number, signed } from "../ui/words.ts";
+import { figures, number, signed, words } from "../ui/words.ts";
 
 const SIX = ["fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"] as const;
 
@@ -30,7 +30,7 @@ function moved({ parameters }: IdentificationDocument): HTMLElement {
     name: "inertia",
     columns: ["number", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"].map((title) => ({ title })),
     rows: [...parameters].sort((a, b) => Math.abs(b.moved) - Math.abs(a.moved)).map((one) => [
-      cell(`${one.segment} ${one.quantity}, ${one.unit}`), ...[one.before, one.after, one.prior_sd, one.sd].map((value) => cell(figures(value), value)),
+      cell(`${words(one.segment)}: ${one.quantity}, ${one.unit}`), ...[one.before, one.after, one.prior_sd, one.sd].map((value) => cell(figures(value), value)),
       cell(signed(one.moved, 2), one.moved), cell(one.identifiable ? "yes" : "no", undefined, one.identifiable ? "good" : "unknown")]),
     filter: true,
     note: "Centres of mass in the segment's frame, moments of inertia about the centre of mass. Determined: the recordings say more about this number alone than the tables do.",
@@ -42,7 +42,7 @@ function combinations({ combinations: all }: IdentificationDocument): HTMLElemen
     caption: "Combinations that the recordings determine, best first",
     name: "inertia_combinations",
     columns: [{ title: "largest parts" }, { title: "information" }, { title: "moved" }, { title: "SD" }],
-    rows: all.map((one) => [cell(one.parts.map(({ weight, segment, quantity }) => `${signed(weight, 2)} ${segment} ${quantity}`).join(", ")),
+    rows: all.map((one) => [cell(one.parts.map(({ weight, segment, quantity }) => `${signed(weight, 2)} ${words(segment)}: ${quantity}`).join(", ")),
       cell(figures(one.gain), one.gain), cell(signed(one.moved, 2), one.moved), cell(number(one.sd, 2), one.sd)]),
     note: "In units of the prior's SD; information over that of the prior. S: second moment of the mass about its centre.",
   });

@@ -7,7 +7,7 @@ import { bullets, callout } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { moment, number, signed, spoken, words } from "../ui/words.ts";
+import { moment, number, signed, words } from "../ui/words.ts";
 import { clinical } from "./clinical.ts";
 import { told } from "./discovery.ts";
 import { gates } from "./residuals.ts";
@@ -59,13 +59,12 @@ export async function personChapters(id: string, newest: Newest, { gait_angles }
 
 function compared(document: ComparisonDocument, job: JobDocument, angles: Vocabulary["gait_angles"], signal: AbortSignal): HTMLElement[] {
   const { verdict, methods } = document;
-  const recordings = Object.keys(document.repairs);
   const method = verdict?.method ?? Object.keys(methods)[0] ?? "";
   const found = methods[method];
   const gait = found?.clinical ?? null;
   const read = gait !== null && Object.keys(gait.sides).length > 0;
   return [
-    chapter("Verdict", job, verdict !== null && callout(verdict.headline, verdict.tone ?? "plain", bullets(verdict.why.map((one) => spoken(one, recordings)))), verdict !== null && trust(verdict, recordings)),
+    chapter("Verdict", job, verdict !== null && callout(verdict.headline, verdict.tone ?? "plain", bullets(verdict.why)), verdict !== null && trust(verdict)),
     chapter("Sizes", job, found !== undefined && table({
       caption: `Segment lengths by ${method}, mm`,
       name: "person_lengths_mm",
@@ -78,13 +77,12 @@ function compared(document: ComparisonDocument, job: JobDocument, angles: Vocabu
 }
 
 const forces = (document: DynamicsDocument, job: JobDocument): HTMLElement =>
-  chapter("Forces", job, callout(sentence(document.headline), document.tone, h("p", null, spoken(document.verdict, Object.keys(document.repairs)))), gates(document));
+  chapter("Forces", job, callout(sentence(document.headline), document.tone, h("p", null, document.verdict)), gates(document));
 
 function search(document: DiscoveryDocument, job: JobDocument): HTMLElement {
-  const recordings = Object.keys(document.repairs);
   const next = [...new Set(document.effects.flatMap(({ would_separate }) => (would_separate === null ? [] : [would_separate])))];
-  return chapter("What the model lacks", job, callout(spoken(document.headline, recordings), document.tone, told(document, document.effects.filter(({ carries }) => carries), 1)),
-    next.length > 0 && h("div", null, h("h3", null, "To record next"), bullets(next.map((one) => sentence(spoken(one, recordings))))));
+  return chapter("What the model lacks", job, callout(document.headline, document.tone, told(document.effects.filter(({ carries }) => carries), 1)),
+    next.length > 0 && h("div", null, h("h3", null, "To record next"), bullets(next.map(sentence))));
 }
 
 /** Two sessions beside each other: lengths and, where both were walking, angles' distance from what is usual. */

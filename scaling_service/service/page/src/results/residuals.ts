@@ -5,13 +5,13 @@ import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { figures, number, spoken, words } from "../ui/words.ts";
+import { figures, number, words } from "../ui/words.ts";
 import { residualCurves } from "./residualcurves.ts";
 
 export async function residuals(document: DynamicsDocument, job: string, signal: AbortSignal, place: HTMLElement): Promise<void> {
   const curves = await residualCurves(document, job, signal);
   if (signal.aborted) return;
-  place.append(callout(sentence(document.headline ?? ""), document.tone ?? "plain", h("p", null, spoken(document.verdict, Object.keys(document.repairs)))), gates(document), curves, rms(document), uncertainty(document), loads(document));
+  place.append(callout(sentence(document.headline ?? ""), document.tone ?? "plain", h("p", null, document.verdict)), gates(document), curves, rms(document), uncertainty(document), loads(document));
   const warnings = [...document.warnings, ...Object.values(document.trials).flatMap((trial) => trial.warnings)];
   if (warnings.length > 0) place.append(folded("Notes", bullets([...new Set(warnings)])));
 }

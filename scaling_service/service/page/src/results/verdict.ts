@@ -10,7 +10,7 @@ import { h } from "../ui/dom.ts";
 import { METHODS } from "../ui/glossary.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell, type Column, type Tone } from "../ui/table.ts";
-import { number, plural, spoken } from "../ui/words.ts";
+import { number, plural } from "../ui/words.ts";
 import { baseOf, union, type Finished } from "./result.ts";
 
 const LEVELS = { good: "good", fair: "fair", poor: "poor", unknown: "not known" };
@@ -23,7 +23,7 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
     const others = ["MB_am", "MB", ...Object.keys(document.methods)].filter((name) => name !== verdict.method && name in document.methods);
     place.append(
       h("div", { class: "outcome" },
-        h("div", null, callout(verdict.headline, verdict.tone ?? "plain", bullets(verdict.why.map((one) => spoken(one, Object.keys(document.repairs))))), onwards(found, verdict.strength === "decided"), trust(verdict, Object.keys(document.repairs))),
+        h("div", null, callout(verdict.headline, verdict.tone ?? "plain", bullets(verdict.why)), onwards(found, verdict.strength === "decided"), trust(verdict)),
         h("div", null, seen, bars(document, found))),
     );
     // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
@@ -34,16 +34,16 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
   place.append(atAGlance(document), glossary(Object.keys(document.methods)));
   if (document.truth !== null) place.append(truth(document.truth.errors));
   const warnings = [...document.warnings, ...Object.values(document.methods).flatMap((method) => method.warnings)];
-  if (warnings.length > 0) place.append(folded(plural(new Set(warnings).size, "note"), bullets([...new Set(warnings)].map((one) => spoken(one, Object.keys(document.repairs))))));
+  if (warnings.length > 0) place.append(folded(plural(new Set(warnings).size, "note"), bullets([...new Set(warnings)])));
   place.append(recordings(document));
 }
 
-export function trust({ method, trust: all }: VerdictDocument, recordings: readonly string[]): HTMLElement {
+export function trust({ method, trust: all }: VerdictDocument): HTMLElement {
   return table({
     caption: `How far to trust ${method}`,
     name: "trust",
     columns: [{ title: "topic" }, { title: "trust" }, { title: "because", words: true }],
-    rows: all.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(spoken(text, recordings))]),
+    rows: all.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(text)]),
   });
 }
 

@@ -8,7 +8,7 @@ import { h } from "../ui/dom.ts";
 import { AFTER, TRIED } from "../ui/palette.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { figures, plural, spoken, withUnit, words } from "../ui/words.ts";
+import { figures, plural, withUnit, words } from "../ui/words.ts";
 
 const MOST_TRIED = 10;
 const NORMAL_95 = 1.96;
@@ -16,20 +16,20 @@ const NORMAL_95 = 1.96;
 export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
   if (document.effects.length === 0) place.append(h("p", null, `No effect was named: ${document.reason}.`));
   if (document.effects.length + document.tried.length > 0) place.append(candidates(document, signal));
-  document.effects.forEach((effect, k) => place.append(h("h2", null, `${k + 1}. ${placed(effect)}`), ...chapter(effect, Object.keys(document.repairs))));
+  document.effects.forEach((effect, k) => place.append(h("h2", null, `${k + 1}. ${placed(effect)}`), ...chapter(effect)));
   if (document.unexplained.length > 0) place.append(unexplained(document));
   if (document.estimates.length > 0) place.append(estimates(document));
   place.append(h("p", { class: "quiet" }, `The search stopped: ${document.reason}.`));
 }
 
-function chapter(effect: EffectDocument, recordings: readonly string[]): HTMLElement[] {
+function chapter(effect: EffectDocument): HTMLElement[] {
   const alike = effect.confusable_with;
   return [
-    h("p", null, spoken(`${sentence(effect.name)} ${effect.evidence.summary}`, recordings)),
-    h("p", null, effect.belief == null ? "" : spoken(`How sure: ${effect.belief.summary}.`, recordings)),
+    h("p", null, `${sentence(effect.name)} ${effect.evidence.summary}`),
+    h("p", null, effect.belief == null ? "" : `How sure: ${effect.belief.summary}.`),
     numbers(effect),
     alike.length > 0
-      ? h("div", null, effect.would_separate !== null && h("p", null, h("b", null, "To record next: "), `${spoken(effect.would_separate, recordings)}. It would tell this from what looks the same here.`),
+      ? h("div", null, effect.would_separate !== null && h("p", null, h("b", null, "To record next: "), `${effect.would_separate}. It would tell this from what looks the same here.`),
           folded(`These recordings do not tell it from ${plural(alike.length, "other")}`, bullets(alike.map(placed))))
       : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
   ];
@@ -79,12 +79,12 @@ function candidates({ effects, tried }: DiscoveryDocument, signal: AbortSignal):
   }, signal).element;
 }
 
-function unexplained({ unexplained: all, repairs }: DiscoveryDocument): HTMLElement {
+function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
   return table({
     caption: "Beyond what is ordinary, and like no effect that is known",
     name: "unexplained",
     columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "ordinary" }],
-    rows: all.map((one) => [cell(places(one.where).join(", ") || "the whole recording"), cell(spoken(one.law, Object.keys(repairs))), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
+    rows: all.map((one) => [cell(places(one.where).join(", ") || "the whole recording"), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
 }
 

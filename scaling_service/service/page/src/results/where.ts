@@ -6,7 +6,7 @@ import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { BEFORE } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
-import { chance, figures, percent, spoken, words } from "../ui/words.ts";
+import { chance, figures, percent, words } from "../ui/words.ts";
 
 const OBSERVABLES = [
   ["marker", "Markers", "mm"],
@@ -61,7 +61,7 @@ function all(places: readonly DisagreementDocument[]): HTMLElement {
       cell(percent(one.share), one.share),
       cell(chance(one.p), one.p),
       cell(one.when || "–"),
-      cell(spoken(one.along) || "–"),
+      cell(one.along || "–"),
     ]),
     filter: true,
     note: "Share: of all that stands above the ordinary. By chance: p of so much where it is ordinary.",

@@ -38,37 +38,23 @@ export const withChance = (p: number | null | undefined): string => (p != null &
 export const percent = (share: number | null | undefined): string =>
   share === null || share === undefined ? DASH : `${Math.round(100 * share)} %`;
 
-/** Names of OpenSim's models and of the service that are no words, as `scaling_service/report/words.py` has them. */
+/** The same in a sentence: nothing is all or nothing. */
+export const shareInWords = (share: number): string => (share > 0.99 ? "> 99 %" : share < 0.01 ? "< 1 %" : percent(share));
+
+/** Names of OpenSim's models and of the service that are no words, as `scaling_service/core/names.py` has them. */
 const SHORT: Record<string, string> = {
   calcn: "heel bone", mtp_angle: "toe angle", arm_flex: "arm flexion", arm_add: "arm adduction", arm_rot: "arm rotation",
-  elbow_flex: "elbow flexion", pro_sup: "forearm rotation", inter_hip: "distance between the hips",
+  elbow_flex: "elbow flexion", pro_sup: "forearm rotation", wrist_flex: "wrist flexion",
+  wrist_dev: "wrist deviation", inter_hip: "distance between the hips",
 };
 
 /** A coordinate's, joint's or segment's name for people: `hip_flexion_r` is "hip flexion, right". */
 export function words(name: string): string {
+  const moved = /^(.+)_t([xyz])$/.exec(name);
+  if (moved !== null) return `${words(moved[1] ?? "")} moving along ${moved[2] ?? ""}`;
   const match = /^(.+)_([rl])$/.exec(name);
   if (match === null) return SHORT[name] ?? name.replaceAll("_", " ");
   return `${words(match[1] ?? "")}, ${match[2] === "r" ? "right" : "left"}`;
-}
-
-const NUMBERS: Record<string, string> = { scale: "length", axis: "axis", centre: "centre" };
-
-/** A name with its side before it: "right knee angle". */
-function sided(name: string): string {
-  const [stem = name, side] = words(name).split(", ");
-  return side === undefined ? stem : `${side} ${stem}`;
-}
-
-/** Names of coordinates, joints and segments within a sentence of the service, as people say them.
- *
- * @param recordings names that stay, for a recording may be called like a joint.
- */
-export function spoken(text: string, recordings: readonly string[] = []): string {
-  return text.replace(/\b(scale|axis|centre|marker)\.([^\s,;]+?)(?:\.([xyz]))?(?=[,;\s]|\.?$)/g, (_, group: string, place: string, axis: string | undefined) =>
-    `${group === "marker" ? `marker ${place}` : `${sided(place)} ${NUMBERS[group] ?? ""}`}${axis === undefined ? "" : ` (${axis})`}`).replaceAll("(inter hip)", "(between the hips)").replaceAll("subject.mass_kg", "the mass that is given").replaceAll("subject.height_m", "the height that is given").replace(/\b[a-z]+(?:_[a-z]+)*_(?:[rl]|tilt|list|rotation|obliquity|t[xyz])\b(?!\.\w)/g, (name) => {
-    if (recordings.includes(name)) return name;
-    return sided(name).replace(/ t([xyz])$/, " moving along $1");
-  }).replace(/ along ([xyz]) of the room/g, " (seen along $1 of the room)").replace(/\bplate_(\d+)/g, "plate $1");
 }
 
 /** A number's name with its unit: `x_mm_per_deg` is "x, mm per deg". */

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.document import (
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.result import make_discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.words import format_quantity, write_headline
+from scaling_service.capabilities.discovery.words import choose_tone, format_quantity, write_headline
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 
@@ -128,19 +128,20 @@ def test_a_number_is_shown_to_what_is_known_of_it(value: float, sd: float | None
 
 
 @pytest.mark.parametrize(
-    ("after", "low", "high", "says"),
+    ("after", "low", "high", "says", "tone"),
     [
-        (1.1, 0.9, 1.4, "falls from 2.5 to 1.1 "),
-        (2.2, 1.8, 2.7, "is 2.2 times what is ordinary, 2.5 without, which is no clear change"),
-        (2.5, 2.3, 2.7, "stays at 2.5 "),
-        (3.5, 3.0, 4.0, "rises from 2.5 to 3.5 "),
+        (1.1, 0.9, 1.4, "falls from 2.5 to 1.1 ", "good"),
+        (2.2, 1.8, 2.7, "is 2.2 times what is ordinary, 2.5 without, which is no clear change", "fair"),
+        (2.5, 2.3, 2.7, "stays at 2.5 ", "fair"),
+        (3.5, 3.0, 4.0, "rises from 2.5 to 3.5 ", "fair"),
     ],
 )
-def test_the_headline_says_of_the_gap_what_its_interval_allows(
-    after: float, low: float, high: float, says: str
+def test_headline_and_tone_say_of_the_gap_what_its_interval_allows(
+    after: float, low: float, high: float, says: str, tone: str
 ) -> None:
     level = LevelDocument(before=2.5, after=after, floor=1.0, ceiling=1.0, low=low, high=high)
     assert says in write_headline("found", [], level, [], held_out=True)
+    assert choose_tone("found", [], level, worse="") == tone
 
 
 @pytest.mark.parametrize(("after", "says"), [(1.1, False), (2.4, True)])

@@ -113,7 +113,7 @@ def make_discovery_document(
         **provenance,
         verdict=verdict,
         headline=headline + worse,
-        tone=words.choose_tone(verdict, effects, worse),
+        tone=words.choose_tone(verdict, effects, found.held_out.whitened, worse),
         reason=found.reason,
         disagreements=list(found.disagreements),
         effects=effects,

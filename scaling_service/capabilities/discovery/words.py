@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
 
 from scaling_service.capabilities.discovery import document as documents
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
@@ -23,6 +24,9 @@ LEVELS = (
 """Fields of a gap, what each is of, and its unit."""
 
 MOST_LINES = 3  # effects that are told in a line each (chosen: as many as are read in a minute)
+Course = Literal["falls", "rises", "stays", "unclear"]
+"""What a gap does, on what was held out if anything was."""
+
 NOTHING = 0.005  # of the squared gap: less is written as 0 %, and stands in no headline
 _LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE, _MOST_LEFT = 4, 3, 12  # chosen: as many as fit a screen; discovery.json has all
@@ -226,6 +230,24 @@ def describe_model(document: documents.DiscoveryDocument) -> str:
     return "model as given" if document.start == "none" else f"model scaled by {document.start}"
 
 
+def judge_gap(level: documents.LevelDocument) -> Course:
+    """What a gap does with the named effects, as far as its own interval allows to say so.
+
+    Examples
+    --------
+    >>> judge_gap(documents.LevelDocument(before=2.5, after=1.1, floor=1, ceiling=1, low=0.9, high=1.4))
+    'falls'
+    >>> judge_gap(documents.LevelDocument(before=2.5, after=2.2, floor=1, ceiling=1, low=1.8, high=2.7))
+    'unclear'
+    """
+    before, after = level.before or 0.0, level.after or 0.0
+    if after < before and (level.high or 0.0) < before:
+        return "falls"
+    if (level.low or 0.0) > before:
+        return "rises"
+    return "stays" if format_figures(after) == format_figures(before) else "unclear"
+
+
 def write_headline(
     verdict: str,
     effects: Sequence[documents.EffectDocument],
@@ -261,14 +283,13 @@ def write_headline(
         return said
     before, after = level.before or 0.0, level.after or 0.0
     now, without = format_figures(after), format_figures(before)
-    if after < before and (level.high or 0.0) < before:
-        told = f"falls from {without} to {now} times what is ordinary"
-    elif (level.low or 0.0) > before:
-        told = f"rises from {without} to {now} times what is ordinary"
-    elif now == without:
-        told = f"stays at {now} times what is ordinary"
-    else:
-        told = f"is {now} times what is ordinary, {without} without, which is no clear change"
+    ordinary = "times what is ordinary"
+    told = {
+        "falls": f"falls from {without} to {now} {ordinary}",
+        "rises": f"rises from {without} to {now} {ordinary}",
+        "stays": f"stays at {now} {ordinary}",
+        "unclear": f"is {now} {ordinary}, {without} without, which is no clear change",
+    }[judge_gap(level)]
     if left and before**2 - after**2 < _LITTLE * (before**2 - 1.0):
         most = (
             f"{list_places(left[0].where) or 'no one place'} ({format_figures(left[0].rms)} {left[0].unit})"
@@ -293,11 +314,21 @@ def describe_worse(gap: documents.GapDocument) -> str:
     return f". Worse than before: {', '.join(worse)}" if worse else ""
 
 
-def choose_tone(verdict: str, effects: Sequence[documents.EffectDocument], worse: str) -> Tone:
-    """Whether a headline is good news, as nothing is: not where a size is to doubt or something got worse."""
+def choose_tone(
+    verdict: str,
+    effects: Sequence[documents.EffectDocument],
+    level: documents.LevelDocument | None,
+    worse: str,
+) -> Tone:
+    """Whether a headline is good news, as nothing is.
+
+    Not where the gap's own interval denies that it falls (``level``: the one that the headline tells of),
+    a size is to doubt or something got worse.
+    """
     if verdict == "nothing":
         return "good"
-    return "good" if verdict == "found" and not worse and not list_cautions(effects) else "fair"
+    falls = level is None or judge_gap(level) == "falls"
+    return "good" if verdict == "found" and falls and not worse and not list_cautions(effects) else "fair"
 
 
 def describe_left(document: documents.DiscoveryDocument) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import re
 import zlib
@@ -87,7 +89,7 @@ def test_it_is_small_and_painted_at_once(report: Path, open_report: Open) -> Non
     assert min(painted) <= SOON_MS
 
 
-@pytest.mark.parametrize("place", ["space", "files", "everything"])
+@pytest.mark.parametrize("place", ["space", "angles?over=gait_1", "files", "everything"])
 def test_nobody_meets_a_barrier(open_report: Open, headline: str, axe: str | None, place: str) -> None:
     """On one page stand all parts that are to be read; the others are there to be handled."""
     visitor = open_report(f"#/jobs/report/{place}")
@@ -99,6 +101,8 @@ def test_nobody_meets_a_barrier(open_report: Open, headline: str, axe: str | Non
     if place == "space":
         visitor.page.wait_for_selector(".playback canvas")
         visitor.page.wait_for_selector(".main-svg")
+    if "over" in place:
+        visitor.page.get_by_text("Farthest now: ").wait_for()
     if axe is not None:
         assert visitor.barriers(axe) == []
 
@@ -120,6 +124,44 @@ def test_parts_are_reached_by_their_names_and_back(open_report: Open, headline: 
     visitor.sees("Segment lengths, mm")
     visitor.page.go_back()
     visitor.sees(headline)
+
+
+def test_the_farthest_marker_is_lit_at_the_time_that_a_curve_is_pointed_at(
+    open_report: Open, report: Path
+) -> None:
+    visitor = open_report("#/jobs/report/angles?over=gait_1")
+    companion = visitor.page.locator(".companion")
+    plot = visitor.page.locator("figure:not(.companion) .plot").first
+    plot.locator(".main-svg").first.wait_for()
+    companion.get_by_text("Farthest now: ").wait_for()
+    box = plot.bounding_box()
+    frames = set[int]()
+    for share in (0.4, 0.8):
+        visitor.page.mouse.move(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+        plot.locator(".hoverlayer").get_by_text("time, s: ").wait_for()
+        visitor.page.wait_for_timeout(300)  # the second time, another moment is still shown
+        frame = int(companion.get_by_role("slider", name="Frame").input_value())
+        labels, errors = read_errors(report, "gait_1", "MAP")
+        farthest = int(np.nanargmax(errors[frame]))
+        said = f"Farthest now: {labels[farthest]}, {errors[frame, farthest]:.1f} mm from MAP"
+        assert companion.locator(".status").inner_text() == said
+        lit = companion.locator(".names span:not([hidden])")
+        assert lit.all_text_contents() == [labels[farthest]]
+        frames.add(frame)
+    assert len(frames) == 2
+
+
+def read_errors(report: Path, trial: str, method: str) -> tuple[list[str], Any]:
+    """Markers of a recording and their distance from a method's model, (n_frames, n_markers), mm."""
+    text = report.read_text(encoding="utf-8")
+    (held,) = re.findall(r'<script type="application/json" id="held">(.*?)</script>', text, re.DOTALL)
+    files = json.loads(held)["files"]
+    content = {name: gzip.decompress(base64.b64decode(packed)) for name, packed in files.items()}
+    scenes = (json.loads(text) for name, text in content.items() if name.endswith("scene.json"))
+    (found,) = (one for scene in scenes for one in scene["trials"] if one["name"] == trial)
+    stored = found["motions"][method]["errors"]
+    (values,) = (text for name, text in content.items() if name.endswith(stored["file"]))
+    return found["labels"], np.frombuffer(values, "<f4").reshape(stored["shape"])
 
 
 def test_notes_are_those_of_the_document_word_for_word(

@@ -23,10 +23,17 @@ export type Row = (string | number | null | undefined)[];
 export class Joined {
   private readonly all = new Map<HTMLElement, Engine>();
 
+  /** @param told called with the x that is pointed at. */
+  constructor(private readonly told: (x: number) => void = () => undefined) {}
+
   join(plot: HTMLElement, engine: Engine): void {
     this.all.set(plot, engine);
     const drawn = plot as unknown as PlotElement;
-    drawn.on("plotly_hover", ({ xvals }) => this.point(plot, xvals?.[0] ?? null));
+    drawn.on("plotly_hover", ({ xvals }) => {
+      const [x = null] = xvals ?? [];
+      this.point(plot, x);
+      if (x !== null) this.told(x);
+    });
     drawn.on("plotly_unhover", () => this.point(plot, null));
   }
 

@@ -5,6 +5,7 @@ import type { ClinicalDocument, ComparisonDocument, CoordinateEntry, CycleScene,
 import { figure, Joined } from "../charts/figure.ts";
 import { drawLines, stops, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
+import { Companion } from "../scene/companion.ts";
 import { Frames } from "../scene/frames.ts";
 import { pathIn, sceneOf } from "../scene/scene.ts";
 import { box, group, select } from "../ui/choice.ts";
@@ -27,6 +28,7 @@ export async function angles(document: ComparisonDocument, { job, place: at, sig
   const shown = new Set(methods);
   const hasCycles = scene.gait !== null && Object.keys(scene.gait.angles).length > 0;
   const read = clinicalOf(document);
+  const { verdict } = document;
   const chosen = at.query.get("over") ?? (hasCycles ? CYCLE : read !== null ? CLINIC : (scene.trials.at(-1)?.name ?? ""));
   const options = [...(read !== null ? [{ value: CLINIC, text: "as a clinic reads them" }] : []), ...(hasCycles ? [{ value: CYCLE, text: "per cent of the gait cycle" }] : []),
     ...scene.trials.map(({ name }) => ({ value: name, text: `time, ${name}` }))];
@@ -40,7 +42,7 @@ export async function angles(document: ComparisonDocument, { job, place: at, sig
       drawn = new AbortController();
       const present = AbortSignal.any([signal, drawn.signal]);
       const wanted = methods.filter((name) => shown.has(name));
-      fill(drawings, chosen === CLINIC && read !== null ? clinical(read.method, read.found, gait_angles, HEIGHT, present) : chosen === CYCLE && scene.gait !== null ? cycles(scene.gait, wanted, present) : await overTime(scene, chosen, wanted, job.id, present));
+      fill(drawings, chosen === CLINIC && read !== null ? clinical(read.method, read.found, gait_angles, HEIGHT, present) : chosen === CYCLE && scene.gait !== null ? cycles(scene.gait, wanted, present) : await overTime(scene, chosen, wanted, verdict?.method, job.id, present));
     });
   place.append(
     h("div", { class: "bar" },
@@ -135,6 +137,7 @@ async function overTime(
   scene: SceneDocument,
   name: string,
   methods: readonly string[],
+  preferred: string | undefined,
   job: string,
   signal: AbortSignal,
 ): Promise<HTMLElement> {
@@ -142,8 +145,14 @@ async function overTime(
   if (trial === undefined) return h("p", null, `There is no recording ${name}.`);
   const found = await Promise.all(methods.filter((method) => method in trial.motions).map((method) => valuesOf(trial, method, job, signal)));
   const coordinates = [...new Set(found.flatMap(({ coordinates: all }) => all.map((one) => one.name)))];
-  const joined = new Joined();
-  return h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, joined, signal)));
+  const followed = found.map(({ method }) => method);
+  const method = followed.find((one) => one === preferred) ?? followed[0];
+  if (method === undefined) return h("p", { class: "quiet" }, `No method that is chosen followed ${name}.`);
+  const companion = new Companion(scene, trial, method, pathIn(job), signal);
+  const joined = new Joined((time) => companion.look(time));
+  void companion.begin(trial.start_s + trial.frames / trial.rate_hz / 2);
+  return h("div", { class: "accompanied" }, companion.element,
+    h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, joined, signal))));
 }
 
 interface Values {

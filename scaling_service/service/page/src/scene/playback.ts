@@ -12,6 +12,7 @@ import { guarded, problemBox } from "../ui/problem.ts";
 import { save } from "../ui/save.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
 import { number, words } from "../ui/words.ts";
+import { away, farthest, quoted } from "./farthest.ts";
 import { Frames } from "./frames.ts";
 import { errorMap, type ErrorMap } from "./heatmap.ts";
 
@@ -39,18 +40,6 @@ function filmed(canvas: HTMLCanvasElement): () => Promise<Blob> {
     recorder.onstop = () => resolve(new Blob(parts, { type: "video/webm" }));
     recorder.stop();
   });
-}
-
-/** A name of several words within a sentence. */
-const quoted = (name: string): string => (name.includes(" ") ? `“${name}”` : name);
-
-/** The marker with the largest error of a frame; null where none is seen. */
-function farthest(labels: readonly string[], errors: Float32Array | null): string | null {
-  let [found, most]: [string | null, number] = [null, -1];
-  errors?.forEach((error, k) => {
-    if (error > most) [found, most] = [labels[k] ?? null, error];
-  });
-  return found;
 }
 
 /** Chosen: people read no faster. */
@@ -166,10 +155,9 @@ export class Playback {
       this.lighting = 0;
       this.light();
     }, LIGHT_MS);
-    const error = marker === null ? undefined : errors?.[labels.indexOf(marker)];
-    const away = error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${quoted(this.method)}`;
-    this.status.textContent = this.marker === null || marker !== this.marker ? "" : `${marker}: ${away}`;
-    this.passing.textContent = marker === null || marker === this.marker ? "" : `${marker === this.pointed ? "Pointed at" : "Farthest now"}: ${marker}, ${away}`;
+    const far = away(labels, errors, marker, this.method);
+    this.status.textContent = this.marker === null || marker !== this.marker ? "" : `${marker}: ${far}`;
+    this.passing.textContent = marker === null || marker === this.marker ? "" : `${marker === this.pointed ? "Pointed at" : "Farthest now"}: ${marker}, ${far}`;
   }
 
   private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {

@@ -226,6 +226,7 @@ def test_real_cases_change_what_they_say(shared_data: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
+@pytest.mark.costly
 def test_the_product_agrees_where_nothing_is_hidden(tmp_path: Path) -> None:
     """Two engines, one body: inverse kinematics and dynamics find nothing in a recording without noise."""
     subject = make(

@@ -46,7 +46,9 @@ def test_without_feet_the_leg_is_the_same() -> None:
     assert find_joint_centres(with_feet.model)["ankle_r"][0] == "tibia_r"
 
 
-@pytest.mark.parametrize(("method", "free"), [("MB_am", {"x", "z"}), ("MB_lam", {"z"})])
+@pytest.mark.parametrize(
+    ("method", "free"), [("MB_am", {"x", "z"}), pytest.param("MB_lam", {"z"}, marks=pytest.mark.costly)]
+)
 def test_the_heights_of_foot_markers_give_the_ankles_their_zero(method: str, free: set[str]) -> None:
     known = person(56, noise_m=0.001, seconds=2.0, model=FEET)
     fitted = calibrate(known.session, method).parameters

@@ -17,6 +17,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, make_inertial_prior
 from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics
 from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.core.names import say_name
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import gather_inertias, sum_mass, with_inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
@@ -147,4 +148,4 @@ def test_an_impossible_prior_is_made_possible_and_reported() -> None:
     tensor = inertias.tensor.copy()
     tensor[2] = np.diag([1.0, 1.0, 3.0]) * inertias.tensor[2, 0, 0]
     found = identify_inertia(with_inertias(BODY, replace(inertias, tensor=tensor)), [recorded(BODY, 1, 1.0)])
-    assert f"no body can have the inertia of {BODY.segment_names[2]}" in found.warnings[0]
+    assert f"no body can have the inertia of {say_name(BODY.segment_names[2])}" in found.warnings[0]

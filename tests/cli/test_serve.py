@@ -122,6 +122,7 @@ def test_an_open_event_stream_does_not_hold_up_the_end(data: Path, tmp_path: Pat
     process.stdout.close()
 
 
+@pytest.mark.costly
 def test_the_walk_through_of_the_guide(tmp_path: Path) -> None:
     found = re.search(r"<!-- walk-through -->\n```sh\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     assert found is not None

@@ -121,7 +121,9 @@ def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
     assert [u.where for u in findings.unexplained] == [["RFH"]]
 
 
-@pytest.mark.parametrize("slow", [False, True], ids=["jumps", "creeps"])
+@pytest.mark.parametrize(
+    "slow", [pytest.param(False, id="jumps"), pytest.param(True, id="creeps", marks=pytest.mark.costly)]
+)
 def test_a_marker_that_is_stuck_on_elsewhere_half_way_is_said_to_jump(slow: bool) -> None:
     """When, and how far; one that creeps as far does not."""
     recordings = recorded(person(), person().model)

@@ -36,12 +36,15 @@ EXAMPLE = "scaling-service example --out lab\n"
 SEARCHED = "missing-effect"
 """The page whose one command searches the example: what takes long."""
 
+LONG = (SEARCHED, "cohort", "forces", "own-recording", "verdict")
+"""Pages that take ten seconds and more; what they run, other tests of the command line run as well."""
+
 SLOW = "# half a minute"
 """Begins blocks that are run only where what takes long is."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.costly] if name == SEARCHED else []) for name in RUN]
+    "name", [pytest.param(name, marks=[pytest.mark.costly] if name in LONG else []) for name in RUN]
 )
 def test_what_a_page_says_to_do_does_what_it_shows(
     name: str,

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.intake.run import prove
@@ -21,6 +22,7 @@ def proof(data: Path, name: str, scratch: Path) -> ProofDocument:
     return prove(folder, {"subject": {"id": name}}, scratch)
 
 
+@pytest.mark.costly
 def test_a_walker_with_bones(shared_data: Path, tmp_path: Path) -> None:
     found = proof(shared_data, "jia_mri", tmp_path)
     assert [p for p in found.problems if p.severity == "error"] == []

@@ -55,6 +55,7 @@ def test_landmarking_finds_the_truth_on_an_exact_image(exact: dict[int, Imaged],
     assert apart_mm(ours, true) < 2.0  # asked: 4
 
 
+@pytest.mark.costly
 def test_the_frame_of_the_image_changes_nothing(exact: dict[int, Imaged]) -> None:
     image, found = exact[1].image, exact[1].found
     turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))

@@ -86,6 +86,7 @@ def test_one_method_and_its_settings(service: Served, tmp_path: Path) -> None:
                 assert path.read_bytes() == (tmp_path / method / name).read_bytes(), name
 
 
+@pytest.mark.costly
 def test_a_batch(service: Served, tmp_path: Path) -> None:
     client = service.client()
     (tmp_path / "files").mkdir()

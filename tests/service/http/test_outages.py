@@ -169,6 +169,7 @@ def gone(tmp_path: Path, seconds: float) -> None:
         database.remove()
 
 
+@pytest.mark.costly
 def test_a_database_that_is_gone_for_longer_than_a_lease(tmp_path: Path) -> None:
     gone(tmp_path, 1.5)
 

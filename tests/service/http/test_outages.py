@@ -77,7 +77,7 @@ def recovers(act: Callable[[], requests.Response], within_s: float = 10.0) -> re
 
 def test_a_full_disk(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", 16) as disk:
-        settings = settings_in(disk.folder, lease_s=1.0, reserve_mb=2)
+        settings = settings_in(disk.folder, lease_s=5.0, reserve_mb=2)
         with serving(settings, TINY) as served, running(served.service):
             served.call("POST", "/v1/subjects", json=person("S01"))
             jobs = asked(served, 8)

@@ -176,12 +176,11 @@ def _look(
     # Probability of each label's segment, (n, n_segments), and how likely all labels are (logarithm)
     place = -_TAIL * np.log1p(stands**2 / (2.0 * _TAIL * _STANDS_M**2))
     place[~np.isfinite(stands).all(axis=1)] = 0.0
+    if chosen:
+        place = _tell_by_landmarks(place, at, body, segments, told)
     share = _normalise(place, owners)
     square = np.where(np.isfinite(spreads), spreads, 0.0) ** 2
     seen = np.isfinite(spreads).astype(float)
-    if chosen:
-        place = _tell_by_landmarks(place, at, body, segments, told)
-        share = _normalise(place, owners)
     for _ in range(_ROUNDS):
         weight = seen @ share
         moved = (square @ share) / np.maximum(weight, 1e-12)

@@ -23,6 +23,7 @@ _SHORT = {
     "wrist_flex": "wrist flexion",
     "wrist_dev": "wrist deviation",
     "inter_hip": "distance between the hips",
+    "asis_width": "distance between the front iliac spines",
 }
 """Names of OpenSim's models and of this program that are no words."""
 

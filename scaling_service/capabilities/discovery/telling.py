@@ -76,21 +76,9 @@ def make_discovery_document(
         tried=list(found.tried),
         estimates=list(_list_estimates(found.leanings)),
         unexplained=list(found.unexplained),
-        bones=documents.BonesDocument(
-            skin_mm={name: 1e3 * measure_slide(laws) for name, laws in bones.skin.items()},
-            expectations=[
-                documents.ExpectationDocument(
-                    coordinate=e.coordinate,
-                    at_rest_deg=math.degrees(evaluate_law(e.law, defaultdict(float))),
-                    follows=[t.coordinate for t in e.law.terms if t.coordinate is not None],
-                    sd_deg=math.degrees(e.sd),
-                    source=e.source,
-                )
-                for e in bones.expectations
-            ],
-            left_out=[
-                words.describe_place(e.candidate) for e in found.after.effects if e.candidate.name in left_out
-            ],
+        bones=_make_bones(
+            bones,
+            [words.describe_place(e.candidate) for e in found.after.effects if e.candidate.name in left_out],
         ),
         start=prepared.start,
         fitted_trials=fitted,
@@ -100,6 +88,25 @@ def make_discovery_document(
         files=[],
         wall_s=round(wall_s, 3),
     )
+
+
+def _make_bones(bones: BoneKnowledge, left_out: list[str]) -> documents.BonesDocument:
+    """``left_out``: what was named and the model is without."""
+    known = documents.BonesDocument(
+        skin_mm={name: 1e3 * measure_slide(laws) for name, laws in bones.skin.items()},
+        expectations=[
+            documents.ExpectationDocument(
+                coordinate=e.coordinate,
+                at_rest_deg=math.degrees(evaluate_law(e.law, defaultdict(float))),
+                follows=[t.coordinate for t in e.law.terms if t.coordinate is not None],
+                sd_deg=math.degrees(e.sd),
+                source=e.source,
+            )
+            for e in bones.expectations
+        ],
+        left_out=left_out,
+    )
+    return known.model_copy(update={"summary": list(words.describe_bones(known))})
 
 
 def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:

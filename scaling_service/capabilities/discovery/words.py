@@ -340,11 +340,8 @@ def describe_left(document: documents.DiscoveryDocument) -> Iterator[str]:
         yield f"And at {list_places([place for u in more for place in u.where])}."
 
 
-def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
+def describe_bones(known: documents.BonesDocument) -> Iterator[str]:
     """What the model has of bones beside the effects, and what these recordings do not show of them."""
-    known = document.bones
-    if known is None:
-        return
     for expected in known.expectations:
         names = say_names(expected.follows)
         yield (
@@ -353,10 +350,10 @@ def describe_bones(document: documents.DiscoveryDocument) -> Iterator[str]:
             f"({expected.source})"
         )
     if known.skin_mm:
-        least, most = (format_figures(f(known.skin_mm.values()), 2) for f in (min, max))
+        ends = dict.fromkeys(format_figures(f(known.skin_mm.values()), 2) for f in (min, max))
         yield (
             f"Skin slides over the knee's bones as other people's does: {list_few(list(known.skin_mm))} by "
-            f"{least} to {most} mm where the knee flexes by 60 deg"
+            f"{' to '.join(ends)} mm where the knee flexes by 60 deg"
         )
     if known.left_out:
         yield (

@@ -125,8 +125,10 @@ def write_inertial_headline(
         if all(components)
         else ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
     )
-    better = ratio < 1.0
-    how = f"{100 * abs(ratio - 1):.0f} % {'better' if better else 'worse'}"
+    percent, better = round(100 * abs(ratio - 1.0)), ratio < 1.0
+    if not percent:
+        return f"{moved}; {what} of held-out recordings is explained no better", "fair"
+    how = f"{percent} % {'better' if better else 'worse'}"
     return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
 
 

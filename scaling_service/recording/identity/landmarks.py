@@ -28,7 +28,7 @@ MORE: Mapping[str, tuple[str, tuple[float, float, float]]] = {
 """Where laboratories put markers beside the model's own, on the right, m in the segment's frame: greater
 trochanter, tuberosity and iliac crest (Rajagopal 2016's bones), a thigh's and a shank's wand, heel,
 navicular, bases of the first and fifth metatarsal and big toe (outline of a foot of .152 of stature, Winter
-2009; its back half-way along is 64 mm above the floor, Williams and McClay 2000).
+2009; its back half-way along about 65 mm above the floor, McPoil et al. 2008).
 Chosen to 10 mm: they take the labels that lie there from the landmarks beside them."""
 
 _NOT_MARKED = ("L3",)  # of the model's markers: a sacral marker lies as near to it

@@ -117,6 +117,7 @@ export interface BonesDocument {
   skin_mm: Record<string, number>;
   expectations: Array<ExpectationDocument>;
   left_out: Array<string>;
+  summary: Array<string>;
 }
 
 export interface BothGaps {

@@ -6,7 +6,7 @@ import { vocabulary } from "../api/vocabulary.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h, vary } from "../ui/dom.ts";
-import { few, figures, shareInWords, words } from "../ui/words.ts";
+import { few, shareInWords } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { unseen } from "./unseen.ts";
 import { places, what } from "./what.ts";
@@ -81,13 +81,7 @@ function share(gain: number | null): HTMLElement | false {
 
 /** What is known of the bones beside the effects; `ik` takes it from the model. */
 function bones({ bones: known }: DiscoveryDocument): HTMLElement {
-  const sizes = Object.values(known?.skin_mm ?? {});
-  const lines = known === null ? [] : [
-    ...known.expectations.map(({ coordinate, sd_deg, source }) =>
-      `${words(coordinate)} is expected about the posture in which the markers were placed, ± ${figures(sd_deg, 2)} deg (${source})`),
-    sizes.length > 0 && `Skin slides over the knee's bones as other people's does: ${few(Object.keys(known.skin_mm))} by ${figures(Math.min(...sizes), 2)} to ${figures(Math.max(...sizes), 2)} mm where the knee flexes by 60 deg`,
-    known.left_out.length > 0 && `Named, but not put into the model: ${few(known.left_out)}; the recordings do not show where it takes the bones`,
-  ].filter((line) => line !== false);
+  const lines = known?.summary ?? [];
   return lines.length > 0 ? folded("What is known of the bones", bullets(lines)) : h("span");
 }
 

@@ -108,6 +108,18 @@ def say_plates(text: str) -> str:
     return _PLATE.sub("plate ", text)
 
 
+def say_sizes(sizes: abc.Mapping[str, float]) -> str:
+    """Sizes of a person, each with its unit at the end of its name, within a sentence.
+
+    Examples
+    --------
+    >>> say_sizes({"height_m": 1.732, "knee_width_r_mm": 104.0})
+    'height 1.732 m, right knee width 104 mm'
+    """
+    named = ((*name.rpartition("_")[::2], value) for name, value in sizes.items())
+    return ", ".join(f"{say_name(of)} {value:.4g} {unit}" for of, unit, value in named)
+
+
 def say_parameters(names: abc.Iterable[str], *, components: bool = False) -> list[str]:
     """Numbers of a model for people: what of which part; each once.
 

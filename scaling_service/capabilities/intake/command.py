@@ -14,7 +14,7 @@ from rich.table import Table
 from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.core.names import say_name
+from scaling_service.core.names import say_name, say_sizes
 from scaling_service.core.text import list_few
 
 COMMANDS = ("proof",)
@@ -57,11 +57,10 @@ def _show(found: ProofDocument) -> None:
     # Model and sizes
     person = [f"Model: {found.model}{'' if found.model_why is None else f' ({found.model_why})'}"]
     if found.sizes is not None:
-        whole = (("height", found.sizes.height_m, "m"), ("mass", found.sizes.mass_kg, "kg"))
-        sizes = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
-        sizes += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
-        if sizes:
-            person.append(f"Sizes: {', '.join(sizes)} (from {list_few(found.sizes.source)})")
+        sizes = {"height_m": found.sizes.height_m, "mass_kg": found.sizes.mass_kg}
+        sizes |= {f"{name}_mm": value for name, value in found.sizes.sizes_mm.items()}
+        if said := say_sizes({name: value for name, value in sizes.items() if value is not None}):
+            person.append(f"Sizes: {said} (from {list_few(found.sizes.source)})")
     for line in (*person, *_describe_marker_set(found)):
         console.print(escape(line))
     renamed = [m for m in found.markers if m.label not in (None, m.marker)]

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 
-from scaling_service.core.names import say_name
+from scaling_service.core.names import say_sizes
 from scaling_service.core.progress import Progress as Report
 
 if TYPE_CHECKING:
@@ -133,8 +133,7 @@ def describe_understood(document: Provenance) -> abc.Iterator[str]:
     if taken:
         yield f"Markers taken: {', '.join(taken)}"
     if document.sizes:
-        named = ((*name.rpartition("_")[::2], value) for name, value in document.sizes.items())
-        yield f"Sizes: {', '.join(f'{say_name(of)} {value:.4g} {unit}' for of, unit, value in named)}"
+        yield f"Sizes: {say_sizes(document.sizes)}"
     decided = dict.fromkeys(
         f"{trial}: {repair.detail}" if repair.what == "unit" else repair.detail
         for trial, repairs in document.repairs.items()

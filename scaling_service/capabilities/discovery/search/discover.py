@@ -33,7 +33,7 @@ from scaling_service.capabilities.discovery.search.naming import SHOWN, Origin, 
 from scaling_service.capabilities.discovery.search.searching import FORCES, LABELS, Search
 from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.capabilities.discovery.search.unexplained import list_unexplained
-from scaling_service.core.progress import Progress, Steps, show_nothing
+from scaling_service.core.progress import Progress, Steps, report_nothing, show_nothing
 from scaling_service.model.body import BodyModel
 
 _NOTHING_MORE = "nothing more stands out of what is ordinary for people"
@@ -97,8 +97,11 @@ def discover(
     forces = search.search_forces()
     steps.begin("measuring the gap", FORCES, 1.0)
     # Followed alike, so that nothing but what is named lies between the two
-    after = search.fit
-    before = fit_recordings(context, (), after) if after.effects else after
+    before = fit_recordings(context, (), search.fit) if search.fit.effects else search.fit
+    # What is kept tells nobody of steps: who listens need not be where results are sent
+    before, search.fit = (
+        replace(fit, context=replace(context, advance=report_nothing)) for fit in (before, search.fit)
+    )
     found = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
     return found

@@ -6,8 +6,11 @@ worker processes of single modules stay light.
 
 from __future__ import annotations
 
+from scaling_service.core.frozen import let_mappings_be_sent
 from scaling_service.core.lazy import offer_names
 
 HOMES, __getattr__, __dir__ = offer_names(__name__, __file__)
 
 __all__ = list(HOMES)
+
+let_mappings_be_sent()  # results have some

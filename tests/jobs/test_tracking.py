@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -53,6 +54,8 @@ def test_the_scaled_model_has_the_errors_and_the_motion_that_scaling_reported(sc
     assert set(written.files) == {f"{t}_ik{end}.mot" for t in ("walk", "hips") for end in ("", "_sd")}
     assert written.markers_used["RLFE"] == ["S01:RKNE"]
     assert str(scaled / "walk.trc") in written.input_hashes
+    sent = pickle.loads(pickle.dumps(tracked))  # to another process
+    np.testing.assert_array_equal(sent.trials["walk"].motion.q, tracked.trials["walk"].motion.q)
 
 
 @pytest.mark.parametrize(("size", "told"), [(1.0, set()), (1.15, {"another_person"})])

@@ -132,7 +132,7 @@ def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) ->
         for table in summary.tables:
             screen.print_table(console, table)
         screen.say(console, "Class", "cyan", words.describe_alike(document.effects))
-        screen.say(console, "Bones", "cyan", document.bones.summary if document.bones else ())
+        screen.say(console, "Bones", "cyan", document.bones.sentences if document.bones else ())
     screen.say(console, "Left", "yellow", words.describe_left(document))
     screen.say(console, "Doubt", "yellow", words.list_cautions(document.effects))
     screen.say(console, "Note", "yellow", document.notes)

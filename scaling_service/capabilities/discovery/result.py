@@ -211,7 +211,7 @@ class BonesDocument(Part):
         description="Named movements that are not in `model.json`: more than these moves the same markers, "
         "so the recordings do not show where they take the bones."
     )
-    summary: list[str] = Field(default=[], description="The same in sentences.")
+    sentences: list[str] = Field(default=[], description="The same in sentences.")
 
 
 class HiddenDocument(PlacedEffect):

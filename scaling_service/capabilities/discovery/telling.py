@@ -106,7 +106,7 @@ def _make_bones(bones: BoneKnowledge, left_out: list[str]) -> documents.BonesDoc
         ],
         left_out=left_out,
     )
-    return known.model_copy(update={"summary": list(words.describe_bones(known))})
+    return known.model_copy(update={"sentences": list(words.describe_bones(known))})
 
 
 def _list_estimates(leanings: Leanings) -> Iterator[documents.EstimateDocument]:

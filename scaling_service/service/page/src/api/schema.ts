@@ -117,7 +117,7 @@ export interface BonesDocument {
   skin_mm: Record<string, number>;
   expectations: Array<ExpectationDocument>;
   left_out: Array<string>;
-  summary: Array<string>;
+  sentences: Array<string>;
 }
 
 export interface BothGaps {

@@ -81,7 +81,7 @@ function share(gain: number | null): HTMLElement | false {
 
 /** What is known of the bones beside the effects; `ik` takes it from the model. */
 function bones({ bones: known }: DiscoveryDocument): HTMLElement {
-  const lines = known?.summary ?? [];
+  const lines = known?.sentences ?? [];
   return lines.length > 0 ? folded("What is known of the bones", bullets(lines)) : h("span");
 }
 

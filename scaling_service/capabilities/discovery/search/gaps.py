@@ -11,12 +11,10 @@ import scipy
 
 from scaling_service.capabilities.discovery import result as documents
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
-from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable, measure_noise
-from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import UNITS, Observable, classify_place
-from scaling_service.capabilities.discovery.search.markers import BodyTable
+from scaling_service.capabilities.discovery.search.yardstick import Yardstick
 from scaling_service.core.arrays import Array
 from scaling_service.core.names import say_name
 
@@ -24,7 +22,7 @@ _NORMAL_95 = 1.96
 _CORRELATED = (
     0.3  # share of a residual's variance that a coordinate explains, from which it is reported (chosen)
 )
-_TOGETHER = 256  # directions that are followed at once (chosen: what a cache holds of a frame)
+_NOT_KNOWN = (math.nan, math.nan)
 _FEWEST = 5  # frames of a block that are told as a time
 
 PARTS: Mapping[Observable, tuple[str, slice]] = {
@@ -33,46 +31,6 @@ PARTS: Mapping[Observable, tuple[str, slice]] = {
     "moment": ("moment_Nm", slice(3, 6)),
 }
 """Of a gap's fields: what it is of, and its places."""
-
-
-Yardstick = Mapping[str, Mapping[str, tuple[float, float]]]
-"""By recording and place, what is ordinary, and what that leaves where it takes what it can; RMS, SI."""
-
-
-def make_yardstick(body: BodyTable, fit: Fit, forces: tuple[WrenchTable, ForceEvidence] | None) -> Yardstick:
-    """Of markers the mean over ordinary people at the levels learnt, whose poses follow; of forces these."""
-    found = {}
-    for k, white in enumerate(body.whites):
-        look = white.look
-        both = (body.ordinary.common, body.ordinary.own)
-        directions = np.concatenate([s.expand(len(body.base), body.levels)[0] for s in both], axis=1)
-        columns = look.columns.transpose(0, 2, 1)
-        strays = [
-            np.matmul(columns, white.spread_over_spots(body.base, some))
-            for some in np.array_split(directions, 1 + directions.shape[1] // _TOGETHER, axis=1)
-        ]
-        wander = np.linalg.cholesky(look.make_covariance(body.loose))
-        strays.append(np.broadcast_to(wander, (len(look.gap), *wander.shape)))
-        explained = white.spread_over_spots(body.base, body.estimate(k))
-        rest = look.gap - np.matmul(explained[:, None], look.columns)[:, 0]
-        both_ways = (np.concatenate(strays, axis=2), rest[:, :, None])
-        ordinary, left = (np.sqrt(_measure_strays(look, x)).tolist() for x in both_ways)
-        found[look.item.name] = dict(zip(look.item.markers, zip(ordinary, left, strict=True), strict=True))
-    if forces is not None:
-        table, none = forces
-        for item, *pair in zip(fit.wrenches, measure_noise(table, none.levels), none.left, strict=True):
-            ordinary, left = (row.tolist() for row in pair)
-            found[item.name] |= zip(COMPONENTS, zip(ordinary, left, strict=True), strict=True)
-    return found
-
-
-def _measure_strays(look: Look, strays: Array) -> Array:
-    """Mean squared distance of every marker, (m,), m2, of all strays (n, 3 m, k) that the pose follows."""
-    shown = np.repeat(look.seen, 3, axis=1)
-    basis, strays = span(look.pose * shown[:, None]), np.where(shown[:, :, None], strays, 0.0)
-    free = strays - basis.transpose(0, 2, 1) @ (basis @ strays)
-    square = np.square(free).sum(axis=(0, 2)).reshape(-1, 3).sum(axis=1)
-    return np.asarray(square / np.maximum(look.seen.sum(axis=0), 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -120,7 +78,7 @@ def _tally(fit: Fit, chosen: Collection[str], *, forces: bool) -> _Tally | None:
 def _list_floors(yardstick: Yardstick, tally: _Tally) -> Array:
     """Squares of what is ordinary, and of what that leaves, (2, n_blocks, n_places); NaN where not known."""
     rows = {
-        trial: np.square([yardstick[trial].get(place, (math.nan, math.nan)) for place in tally.places]).T
+        trial: np.square([yardstick.levels[trial].get(place, _NOT_KNOWN) for place in tally.places]).T
         for trial in dict.fromkeys(tally.trials)
     }
     return np.stack([rows[trial] for trial in tally.trials], axis=1)
@@ -211,11 +169,14 @@ def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[documents.Disagr
     above = {place: max(times**2 - 1.0, 0.0) for place, times in ratio.items()}
     total = max(sum(above.values()), 1e-12)
     found.sort(key=lambda one: (-above[one[0]], -ratio[one[0]]))
-    return tuple(_describe_place(tally, k, floors[p], above[p] / total, fit) for p, tally, k in found)
+    return tuple(
+        _describe_place(tally, k, floors[p], above[p] / total, yardstick.freedom.get(p, 0.0), fit)
+        for p, tally, k in found
+    )
 
 
 def _describe_place(
-    tally: _Tally, k: int, floor: float, share: float, fit: Fit
+    tally: _Tally, k: int, floor: float, share: float, freedom: float, fit: Fit
 ) -> documents.DisagreementDocument:
     place, rms = tally.places[k], tally.rms([k])
     observable = classify_place(place)
@@ -227,8 +188,6 @@ def _describe_place(
             per_trial[trial] = factor * float(np.sqrt(tally.square[rows, k].sum() / frames[rows].sum()))
     mean = np.where(frames >= _FEWEST, tally.square[:, k] / np.maximum(frames, 1.0), 0.0)
     most = int(np.argmax(mean))
-    # Independent numbers: a block of time is one look at a place along each axis
-    freedom = float((frames > 0.0).sum()) * (3.0 if observable == "marker" else 1.0)
     return documents.DisagreementDocument(
         where=place,
         observable=observable,
@@ -236,7 +195,7 @@ def _describe_place(
         rms=factor * rms,
         floor=factor * floor,
         share=share,
-        p=float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom)),
+        p=float(scipy.stats.chi2.sf(freedom * (rms / max(floor, 1e-12)) ** 2, freedom)),
         trials=per_trial,
         when=f"{tally.trials[most]}, from {tally.starts[most]:.1f} s on",
         along=describe_course(fit, place),

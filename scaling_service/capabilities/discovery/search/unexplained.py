@@ -12,15 +12,11 @@ from scaling_service.capabilities.discovery.observations.wrench import COMPONENT
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.result import UnexplainedDocument
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
-from scaling_service.capabilities.discovery.search.gaps import (
-    Yardstick,
-    describe_course,
-    list_shown,
-    rms_by_place,
-)
+from scaling_service.capabilities.discovery.search.gaps import describe_course, list_shown, rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import is_of_markers
 from scaling_service.capabilities.discovery.search.searching import Search
+from scaling_service.capabilities.discovery.search.yardstick import Yardstick
 from scaling_service.recording.faults import OF_CAMERAS, OF_PLATES
 
 _UNTOLD = "; of the body and the forces nothing is told until that is mended"
@@ -35,7 +31,9 @@ def list_unexplained(
     names = [item.name for item in fit.tracked]
     rms = rms_by_place(fit, names, forces=False) | rms_by_place(fit, names, forces=True)
     floors = {
-        place: math.sqrt(np.mean([known[place][0] ** 2 for known in yardstick.values() if place in known]))
+        place: math.sqrt(
+            np.mean([known[place][0] ** 2 for known in yardstick.levels.values() if place in known])
+        )
         for place in rms
     }
     # Where the cameras are at fault, all else rests on them: only what is likelier is told
@@ -59,7 +57,7 @@ def list_unexplained(
             if lively[row] > limit:
                 trial, level = fit.wrenches[row].name, float(evidence.levels[row, k])
                 rms[component] = rms_by_place(fit, [trial], forces=True)[component]
-                floors[component] = yardstick[trial][component][0] / level
+                floors[component] = yardstick.levels[trial][component][0] / level
                 found.append((math.log(level), (component,), component, said.get((component,), "")))
     off: dict[tuple[str, ...], float] = {}  # of faults whose size the readings tell
     for where, places, law, size in _list_faults(fit):

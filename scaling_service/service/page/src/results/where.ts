@@ -64,6 +64,6 @@ function all(places: readonly DisagreementDocument[]): HTMLElement {
       cell(one.along || "–"),
     ]),
     filter: true,
-    note: "Share: of all that stands above the ordinary. By chance: p of so much where it is ordinary.",
+    note: "Share: of all that stands above the ordinary. By chance: p of so much where it is ordinary; what lasts, as skin does, counts once.",
   });
 }

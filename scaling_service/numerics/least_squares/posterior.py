@@ -5,7 +5,7 @@ of any covariance. Poses have none but where a joint's range holds what markers 
 eliminated frame by frame (an arrowhead, as in :mod:`.border`), so the curvature that is left is the inverse
 covariance of the parameters.
 
-The iteration is its own, not :mod:`.descent`'s: after each step of all, poses are moved by further steps, so
+The iteration over all is its own, not :mod:`.descent`'s: after each step, poses are moved by further ones, so
 that what a step promises does not tell how far the cost falls; it ends by the fall, in units of chi-squared.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.least_squares.descent import Damping, Rows, Settings, descend
 from scaling_service.numerics.least_squares.problem import Outcome, find_seen
 from scaling_service.numerics.least_squares.whitening import (
     ErrorGroup,
@@ -34,12 +35,24 @@ _INNER = 2  # chosen: steps of the poses alone after one of all, which bends les
 _FRAMES = 256  # linearised together
 _AT_ONCE = 16  # frames of which all slopes meet all others
 _ENOUGH = 0.05
-"""Decrease of the cost, in units of one chi-squared, that ends the search: a step so small moves nothing by a
+"""Decrease of the cost, in units of one chi-squared, that ends the search: so small a one moves nothing by a
 quarter of its deviation."""
 _FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
+_LOST = 1.0  # damping of a frame's poses beyond which it stays where it is
 _TINY = 1e-300
 _MOST = 1e6  # damping beyond which rounding decides
 _RIDGE = 1e-9  # of a frame's largest curvature: what its markers do not show stays where it started
+
+_ALONE = Settings(
+    max_steps=MOST_STEPS,
+    damping=_FIRST,
+    rule=Damping(ease=_EASE, tighten=_RAISE, least=_LEAST, lost=_LOST),
+    left=0.0,
+    left_over=_ENOUGH,
+    extrapolate=True,
+)
+_BETWEEN = replace(_ALONE, max_steps=_INNER, left_over=0.0, checked=True)
+"""Of poses where parameters are known, each frame by itself; and between two steps of all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -98,7 +111,7 @@ def solve_posterior(
         step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
         trial_q, trial_p = q.copy(), p + step
         trial_q[:, problem.coordinates] += solved[:, :, 0] - solved[:, :, 1:] @ step
-        trial_q = _solve_block(problem, whitening, trial_q, trial_p, _INNER)
+        trial_q = descend(_Poses(problem, whitening, trial_p), trial_q, _BETWEEN).x
         trial_gap = _whiten_gaps(problem, whitening, trial_q, trial_p)
         trial_cost = _compute_cost(problem, trial_gap, trial_q, trial_p)
         if trial_cost > cost:
@@ -302,7 +315,7 @@ def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
     q = q0.copy()
     for rows in split_rows(len(q)):
         part = problem.in_frames(rows)
-        q[rows] = _solve_block(part, Whitening(part), q[rows], p)
+        q[rows] = descend(_Poses(part, Whitening(part), p), q[rows], _ALONE).x
     return q
 
 
@@ -351,35 +364,34 @@ def _with_ridge(own: Array) -> Array:
     return own
 
 
-def _solve_block(
-    problem: PosteriorProblem,
-    whitening: Whitening,
-    q: Array,
-    p: Array,
-    most: int = MOST_STEPS,
-) -> Array:
-    """The poses of frames that are linearised together, each with a damping of its own."""
-    damping, gap = np.full(len(q), _FIRST), _whiten_gaps(problem, whitening, q, p)
-    costs = np.square(gap).sum(axis=1) + _compute_held_costs(problem, q)
-    for _ in range(most):
-        normal = _linearise(problem, whitening, q, p, gap, shared=False)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Poses:
+    """Frames whose parameters are known."""
+
+    problem: PosteriorProblem
+    whitening: Whitening
+    p: Array
+
+    def measure(self, q: Array) -> tuple[Array, Array, Array]:
+        """Costs but for a constant, and the whitened residuals."""
+        gap = _whiten_gaps(self.problem, self.whitening, q, self.p)
+        return q, np.square(gap).sum(axis=1) + _compute_held_costs(self.problem, q), gap
+
+    def step(self, q: Array, gap: Array, rows: Rows) -> tuple[Array, Array]:
+        """All coordinates, of which those to estimate move."""
+        normal = _linearise(self.problem, self.whitening, q, self.p, gap, shared=False)
         own = _with_ridge(normal.own)
         diagonal = np.einsum("nii->ni", own)
-        diagonal += damping[:, None] * diagonal
-        step = np.linalg.solve(own, normal.slope[:, :, None])[:, :, 0]
+        diagonal += rows.damping[:, None] * diagonal
+        step = np.linalg.solve(own, normal.slope[:, :, None])
+        bent = (step.transpose(0, 2, 1) @ normal.own @ step)[:, 0, 0]
         trial = q.copy()
-        trial[:, problem.coordinates] += step
-        trial_gap = _whiten_gaps(problem, whitening, trial, p)
-        trial_costs = np.square(trial_gap).sum(axis=1) + _compute_held_costs(problem, trial)
-        better = trial_costs <= costs
-        settled = (np.abs(costs - trial_costs) < _ENOUGH) | (damping >= 1.0)
-        q = np.where(better[:, None], trial, q)
-        gap = np.where(better[:, None], trial_gap, gap)
-        costs = np.where(better, trial_costs, costs)
-        damping = np.clip(damping * np.where(better, _EASE, _RAISE), _LEAST, _MOST)
-        if settled.all():
-            break
-    return q
+        trial[:, self.problem.coordinates] += step[:, :, 0]
+        return trial, 2.0 * (step[:, :, 0] * normal.slope).sum(axis=1) - bent
+
+    def take(self, rows: NDArray[np.intp]) -> _Poses:
+        """The same of some rows."""
+        return _Poses(self.problem.in_frames(rows), self.whitening.in_frames(rows), self.p)
 
 
 def _compute_held_costs(problem: PosteriorProblem, q: Array) -> Array:

@@ -6,6 +6,7 @@ of any covariance.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections import abc
 
@@ -71,7 +72,7 @@ class PosteriorProblem:
     # As ``held``: what parameters that were integrated over add to the cost, which is no information
     integrated: tuple[Array, Array] | None = None
 
-    def in_frames(self, rows: slice) -> PosteriorProblem:
+    def in_frames(self, rows: slice | NDArray[np.intp]) -> PosteriorProblem:
         """The same in some frames."""
         held, integrated = (
             None if part is None else (part[0][rows], part[1][rows]) for part in (self.held, self.integrated)
@@ -115,6 +116,13 @@ class Whitening:
             self.parts.append(Part(group, of_frame.ravel(), roots, columns))
             start = columns.stop
         self._count = start
+
+    def in_frames(self, rows: NDArray[np.intp]) -> Whitening:
+        """The same of some frames."""
+        found = copy.copy(self)
+        found._root = self._root[rows]
+        found.parts = [dataclasses.replace(part, of_frame=part.of_frame[rows]) for part in self.parts]
+        return found
 
     def apply(self, axes: Array, link: NDArray[np.intp], vectors: Array) -> Array:
         """Vectors of markers in the room, (k, n_markers, 3, n), as independent numbers, (n, k, n_numbers).

@@ -37,6 +37,7 @@ _AT_ONCE = 16  # frames of which all slopes meet all others
 _ENOUGH = 0.05
 """Decrease of the cost, in units of one chi-squared, that ends the search: so small a one moves nothing by a
 quarter of its deviation."""
+_LEFT = 0.01  # of a frame's cost that its poses may leave: none moves by more than a tenth of its deviation
 _FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
 _LOST = 1.0  # damping of a frame's poses beyond which it stays where it is
 _TINY = 1e-300
@@ -48,7 +49,7 @@ _ALONE = Settings(
     damping=_FIRST,
     rule=Damping(ease=_EASE, tighten=_RAISE, least=_LEAST, lost=_LOST),
     left=0.0,
-    left_over=_ENOUGH,
+    left_over=_LEFT,
     extrapolate=True,
 )
 _BETWEEN = replace(_ALONE, max_steps=_INNER, left_over=0.0, checked=True)

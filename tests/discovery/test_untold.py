@@ -12,8 +12,8 @@ from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.search.body import DRIFTS
 from scaling_service.capabilities.discovery.search.discover import Discovery, discover
-from scaling_service.capabilities.discovery.search.searching import DRIFTS
 from scaling_service.capabilities.discovery.start import Prepared, leave_out_untold, prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.names import say_name

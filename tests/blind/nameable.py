@@ -28,9 +28,9 @@ from scaling_service.capabilities.discovery.options import AS_MEASURED, Discover
 from scaling_service.capabilities.discovery.ordinary.forces import WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import EVERYBODYS
 from scaling_service.capabilities.discovery.run import USUAL
+from scaling_service.capabilities.discovery.search.forces import Search
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import Origin
-from scaling_service.capabilities.discovery.search.searching import Search
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import Steps, show_nothing

@@ -10,8 +10,8 @@ from scipy.stats import norm
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import DECLARED, hear_declared, hear_sum
+from scaling_service.capabilities.discovery.search.forces import place_mass
 from scaling_service.capabilities.discovery.search.markers import Ranked
-from scaling_service.capabilities.discovery.search.searching import place_mass
 
 SD, SCORE, INFORMATION = 4.0, 9.0, 1.5  # kg; of forces that say 6 kg
 DECLARED_KG = 60.0

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy
 
+from scaling_service.capabilities.discovery.options import DiscoverSettings
+from scaling_service.capabilities.discovery.run import discover
 from scaling_service.capabilities.discovery.search.yardstick import Spread, count_freedom
 
 DRAWS = 4000
@@ -57,3 +61,16 @@ def test_ordinary_people_stand_out_as_often_as_chance_has_it() -> None:
     assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.015)
     assert np.mean(p < 0.01) == pytest.approx(0.01, abs=0.008)
     assert np.mean(p > 0.9) == pytest.approx(0.1, abs=0.03)
+
+
+def test_where_nothing_is_named_real_places_are_as_chance_has_them(shared_data: Path) -> None:
+    """As if every half second were news, a fifth stood above chance and half below it."""
+    file = shared_data / "living_bone" / "cadaver_hip" / "subject.yaml"
+    if not file.is_file():
+        pytest.skip("no recordings of living bone")
+    document = discover(file, DiscoverSettings(start="none")).document
+    p = np.array([place.p for place in document.disagreements])
+    assert document.verdict == "nothing"
+    assert p.min() > 1e-3
+    assert np.mean(p < 0.05) < 0.15
+    assert np.mean(p > 0.95) < 0.25

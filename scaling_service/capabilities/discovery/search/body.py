@@ -11,11 +11,7 @@ import numpy as np
 from scaling_service.capabilities.discovery.effects.marker_swap import find_exchanges
 from scaling_service.capabilities.discovery.effects.sizes import is_met, list_usual_deviations, settle_size
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings
-from scaling_service.capabilities.discovery.laws.candidates import (
-    Estimate,
-    Exchange,
-    Swinging,
-)
+from scaling_service.capabilities.discovery.laws.candidates import Estimate, Exchange, Swinging
 from scaling_service.capabilities.discovery.search.cameras import describe_cameras
 from scaling_service.capabilities.discovery.search.jumps import Jump, list_jumps
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked, is_of_body

@@ -23,11 +23,11 @@ from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.search.body import LABELS
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.search.forces import FORCES, Search
 from scaling_service.capabilities.discovery.search.gaps import list_disagreements, measure_gap
 from scaling_service.capabilities.discovery.search.leanings import Leanings
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import SHOWN, Origin, is_of_markers
-from scaling_service.capabilities.discovery.search.searching import FORCES, Search
 from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.capabilities.discovery.search.unexplained import list_unexplained
 from scaling_service.capabilities.discovery.search.yardstick import make_yardstick

@@ -12,10 +12,10 @@ from scaling_service.capabilities.discovery.observations.wrench import COMPONENT
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable
 from scaling_service.capabilities.discovery.result import UnexplainedDocument
 from scaling_service.capabilities.discovery.search.findings import UNITS, classify_place
+from scaling_service.capabilities.discovery.search.forces import Search
 from scaling_service.capabilities.discovery.search.gaps import describe_course, list_shown, rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.capabilities.discovery.search.naming import is_of_markers
-from scaling_service.capabilities.discovery.search.searching import Search
 from scaling_service.capabilities.discovery.search.yardstick import Yardstick
 from scaling_service.recording.faults import OF_CAMERAS, OF_PLATES
 

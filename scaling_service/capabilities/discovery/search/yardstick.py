@@ -16,6 +16,7 @@ from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.core.arrays import Array
 
 _TOGETHER = 256  # directions that are followed at once (chosen: what a cache holds of a frame)
+_TINY = 1e-300
 _LOOKED_AT = 15  # frames of a recording that tell how much of what lasts is the same (chosen: it is smooth)
 
 
@@ -75,7 +76,8 @@ def make_yardstick(
                 float(np.sqrt(lasts[m] + wanders[m])),
                 float(np.sqrt(remains[m])),
             )
-            rows = lasting[some, 3 * m : 3 * m + 3].reshape(3 * len(some), -1) / np.sqrt(len(some))
+            rows = lasting[some, 3 * m : 3 * m + 3].reshape(3 * len(some), -1)
+            rows *= np.sqrt(lasts[m] / max(float(np.square(rows).sum()), _TINY))  # seen in some frames only
             spreads[marker].append(
                 Spread(
                     lasting=rows[:, :shared],

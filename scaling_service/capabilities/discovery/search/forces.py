@@ -31,7 +31,7 @@ from scaling_service.capabilities.discovery.ordinary.forces import NOISE, ForceE
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
-from scaling_service.capabilities.discovery.search import body as bodies
+from scaling_service.capabilities.discovery.search import body as body_search
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.instruments import Prior, find_misreading
@@ -50,7 +50,7 @@ UNLIKE = "in {} it is off between {:.2f} and {:.2f} s by more than elsewhere, as
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Search(bodies.BodySearch):
+class Search(body_search.BodySearch):
     """Labels, body and forces, one after the other."""
 
     misread: list[tuple[Prior, str]] = field(default_factory=list)  # plates, and how in words
@@ -63,7 +63,7 @@ class Search(bodies.BodySearch):
         if not self.fit.wrenches or not self.fit.scene.plates:
             return None
         for count in range(self.settings.most + 1):
-            share = bodies.BODY + (FORCES - bodies.BODY) * count / self.settings.most
+            share = body_search.BODY + (FORCES - body_search.BODY) * count / self.settings.most
             self.steps.begin(f"looking for effect {len(self.named) + 1}", share, FORCES)
             loads, ranked = self._rank_forces()
             self.last["wrench"] = ranked
@@ -94,18 +94,18 @@ class Search(bodies.BodySearch):
             of_forces, sd = is_of_forces(one.candidate), list_usual_deviations(one.candidate, self.fit.model)
             where: tuple[str, ...] = ()
             if self.astray & set(one.candidate.where):
-                reason = bodies.CARRIED
+                reason = body_search.CARRIED
             elif of_forces and not is_met(one.candidate, sizes[one.key].size, self.fit.model):
                 reason = GROWN
             elif lively and self._find_most(one) in lively:
-                reason = bodies.LIVELY
+                reason = body_search.LIVELY
             elif of_forces and (
                 (one.candidate.trials and alike[one.candidate.kind, one.candidate.where] > 1)
                 or (sd is not None and loads.score_drift(sizes[one.key], sd) > self.settings.odds)
             ):
-                reason = bodies.DRIFTS
-            elif len(one.equivalents) >= bodies.MANY:
-                reason, where = bodies.ONE_OF_MANY, (self._find_most(one),)
+                reason = body_search.DRIFTS
+            elif len(one.equivalents) >= body_search.MANY:
+                reason, where = body_search.ONE_OF_MANY, (self._find_most(one),)
             else:
                 continue
             self._withdraw(one, reason, where)
